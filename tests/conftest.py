@@ -1,0 +1,19 @@
+"""Fixtures that every room's tests share."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+os.environ.setdefault("MPLBACKEND", "agg")
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """The folder of local data beside the checkout (``../shared/data``); the test is skipped, saying so, without it."""
+    folder = Path(__file__).resolve().parents[2] / "shared" / "data"
+    if not folder.is_dir():
+        pytest.skip(f"LOCAL DATA ABSENT: {folder} is not there; this check against real data did not run")
+    return folder
