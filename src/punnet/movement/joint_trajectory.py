@@ -199,7 +199,9 @@ class JointTrajectory:
                     arrays[name] = np.array(rows, dtype=np.float64)
             return cls(times, **arrays, joint_names=tuple(str(name) for name in data.get("joint_names", ())))
         except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise FileFormatError(f"{where}: not a JointTrajectory ({type(error).__name__}: {error})") from error
+            raise FileFormatError(
+                f"{where}: not a JointTrajectory ({type(error).__name__}: {error})"
+            ) from error
 
 
 def _read_only(values: ArrayLike) -> NDArray[np.float64]:

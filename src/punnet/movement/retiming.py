@@ -140,7 +140,9 @@ def retime(
         )
     allowed = limits.slowed(speed)
     spline = _rounded(points, allowed.velocity, tolerance)
-    candidates = (_timed(spline, profile, allowed, time_step) for profile in _profiles(spline, allowed, time_step))
+    candidates = (
+        _timed(spline, profile, allowed, time_step) for profile in _profiles(spline, allowed, time_step)
+    )
     return min(candidates, key=lambda trajectory: trajectory.duration)
 
 
