@@ -84,12 +84,12 @@ class JointTrajectory:
     @property
     def start(self) -> NDArray[np.float64]:
         """First joint positions (J,)."""
-        return self.positions[0]
+        return np.asarray(self.positions[0])
 
     @property
     def end(self) -> NDArray[np.float64]:
         """Last joint positions (J,)."""
-        return self.positions[-1]
+        return np.asarray(self.positions[-1])
 
     @cached_property
     def _interpolant(self) -> PPoly:
@@ -98,7 +98,7 @@ class JointTrajectory:
     def sample(self, t: ArrayLike, *, derivative: int = 0) -> NDArray[np.float64]:
         """Positions, or a time derivative of them, at any times.
 
-        Piecewise linear without velocities, cubic Hermite with velocities, quintic Hermite with accelerations too.
+        Piecewise linear without velocities, cubic Hermite with them, quintic Hermite with accelerations too.
 
         Parameters
         ----------
@@ -121,7 +121,7 @@ class JointTrajectory:
         return np.asarray(values, dtype=np.float64)
 
     def resample(self, time_step: float) -> JointTrajectory:
-        """Points every ``time_step`` seconds; the last interval is shorter if the duration is no multiple of it."""
+        """Points every ``time_step`` seconds; a duration that is no multiple of it ends with a shorter step."""
         if not time_step > 0:
             raise ShapeError(f"trajectory: time_step must be positive seconds, got {time_step}")
         count = max(1, int(np.ceil(self.duration / time_step - 1e-9)))
@@ -168,7 +168,7 @@ class JointTrajectory:
         return cls(np.concatenate(times), **arrays, joint_names=trajectories[0].joint_names)
 
     def to_json(self) -> dict[str, Any]:
-        """``joint_names`` and ``points`` as in ``trajectory_msgs/JointTrajectory``; times to the nanosecond."""
+        """Return ``joint_names`` and ``points`` as ``trajectory_msgs/JointTrajectory`` has them, times in ns."""
         points = []
         for i, time in enumerate(self.times):
             seconds, nanoseconds = divmod(round(float(time) * NANOSECONDS), NANOSECONDS)

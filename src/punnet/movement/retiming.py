@@ -1,12 +1,12 @@
-"""From a joint path without time to a trajectory that a real arm may execute: rest to rest, within every limit.
+"""From a joint path without time to a trajectory that a real arm may execute: rest to rest, within its limits.
 
-1. The path is rounded to a quintic B-spline (C⁴, so even jerk is continuous along it) whose control points lie on
-   the path: the curve stays in the hull of the path, so it can't overshoot a joint limit, and starts and ends exactly
-   where the path does.
+1. The path is rounded to a quintic B-spline (C⁴, so even jerk is continuous along it) whose control points lie
+   on the path: the curve stays in the hull of the path, so it can't overshoot a joint limit, and starts and ends
+   exactly where the path does.
 2. The place x on the path follows a jerk-limited profile (ruckig). Its bounds come from
    ``q̇ = q'ẋ``, ``q̈ = q''ẋ² + q'ẍ``, ``q⃛ = q'''ẋ³ + 3q''ẋẍ + q'x⃛`` at their largest along the path.
-3. The sampled trajectory is verified between its samples too, and stretched in time until velocity, acceleration and
-   jerk hold: by a factor k they fall by k, k² and k³.
+3. The sampled trajectory is verified between its samples too, and stretched in time until velocity, acceleration
+   and jerk hold: by a factor k they fall by k, k² and k³.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class JointLimits:
         return int(self.lower.size)
 
     def slowed(self, speed: float) -> JointLimits:
-        """The same arm at a fraction of its speed: velocity × speed, acceleration × speed², jerk × speed³."""
+        """Limits at a fraction of the speed: velocity × speed, acceleration × speed², jerk × speed³."""
         return JointLimits(
             self.lower,
             self.upper,
@@ -102,7 +102,7 @@ def retime(
     Parameters
     ----------
     path
-        (N, J) joint positions in radians, N ≥ 2; how its points are spaced does not matter, repeats are ignored.
+        (N, J) joint positions in radians, N ≥ 2; their spacing does not matter, repeats are ignored.
     limits
         What the arm may do.
     speed
@@ -115,7 +115,7 @@ def retime(
     Returns
     -------
     JointTrajectory
-        With velocities and accelerations. Its own interpolation (quintic Hermite) holds the limits between samples.
+        With velocities and accelerations. Its own interpolation (quintic Hermite) holds the limits everywhere.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def retime(
 
 
 def _validated_path(path: ArrayLike, limits: JointLimits) -> NDArray[np.float64]:
-    """The path without repeated points; at least its first point."""
+    """Check the path and drop repeated points; at least its first point is kept."""
     points = np.asarray(path, dtype=np.float64)
     if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] != len(limits):
         raise ShapeError(f"retime: path must be (N ≥ 2, {len(limits)}), got {points.shape}")
@@ -230,7 +230,7 @@ def _one_axis(length: float, velocity: float, acceleration: float, jerk: float) 
 def _timed(
     spline: BSpline, profile: RuckigTrajectory, limits: JointLimits, time_step: float
 ) -> JointTrajectory:
-    """Samples of the spline along the profile, stretched until the limits hold (or tightened until one is met)."""
+    """Sample the spline along the profile, in the fewest time steps that hold the limits."""
     count = max(MINIMUM_STEPS, int(np.ceil(profile.duration / time_step)))
     excess = _excess(_sampled(spline, profile, count, time_step, limits), limits)
     count = max(MINIMUM_STEPS, int(np.ceil(count * excess)))
@@ -255,7 +255,7 @@ def _sampled(
     x = np.clip(x[:, 0], 0.0, spline.t[-1])
     first, second = spline(x, nu=1), spline(x, nu=2)
     return JointTrajectory(
-        time_step * np.arange(count + 1),
+        np.arange(count + 1, dtype=np.float64) * time_step,
         spline(x),
         first * rate,
         second * rate**2 + first * change,
