@@ -1,1 +1,20 @@
-"""TODO."""
+"""The arm: the Robot protocol, where the picker sits, and the Panda's kinematics."""
+
+from punnet.robot.panda import HOME, JOINT_NAMES, PANDA_LIMITS, PANDA_TORQUE, Panda
+from punnet.robot.protocol import CutResult, GripResult, MotionResult, Robot
+from punnet.robot.tool import BLADE_ABOVE_GRIP, T_FLANGE_CAMERA, T_FLANGE_TOOL
+
+__all__ = [
+    "BLADE_ABOVE_GRIP",
+    "HOME",
+    "JOINT_NAMES",
+    "PANDA_LIMITS",
+    "PANDA_TORQUE",
+    "T_FLANGE_CAMERA",
+    "T_FLANGE_TOOL",
+    "CutResult",
+    "GripResult",
+    "MotionResult",
+    "Panda",
+    "Robot",
+]
