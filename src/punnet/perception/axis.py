@@ -1,0 +1,163 @@
+"""A berry's axis and its five key-points from the outline, calyx evidence and gravity (thesis 3.1.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["BerryAxis", "berry_axis", "fruit_keypoints", "stem_column"]
+
+Vector = NDArray[np.float64]
+
+# How much each cue says about where the calyx is, relative to gravity = 1 (berries hang).
+CALYX_WEIGHT = 1.2
+ELONGATION_WEIGHT = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class BerryAxis:
+    """Where a berry lies in the image and which way its calyx is.
+
+    Parameters
+    ----------
+    centre
+        (2,) centroid (u, v) of the mask.
+    up
+        (2,) unit vector in the image from tip to calyx.
+    calyx_evidence
+        0 … 1: how clearly green lies on one side of the berry.
+    """
+
+    centre: Vector
+    up: Vector
+    calyx_evidence: float
+
+    @property
+    def left(self) -> Vector:
+        """Unit vector to the left of someone who looks along the optical axis with ``up`` upward."""
+        return np.array([self.up[1], -self.up[0]])
+
+
+def berry_axis(mask: NDArray[np.uint8], leaf: NDArray[np.uint8], gravity_up: Vector) -> BerryAxis:
+    """Axis of the berry ``mask`` (H, W) 0/1.
+
+    Three cues are added as vectors: gravity (weight 1), the direction in which green of ``leaf`` lies around the
+    outline (weight: how one-sided it is), and the principal axis of the outline (weight: how elongated it is), which
+    has no sign of its own and takes the one nearer to the other two.
+    """
+    v, u = np.nonzero(mask)
+    pixels = np.stack((u, v), axis=1).astype(np.float64)
+    centre = pixels.mean(axis=0)
+    green, evidence = _calyx_direction(mask, leaf, centre)
+    direction = gravity_up + CALYX_WEIGHT * evidence * green
+    if len(pixels) >= 3:
+        spread, axes = np.linalg.eigh(np.cov((pixels - centre).T))
+        elongation = 1.0 - float(np.sqrt(max(spread[0], 0.0) / max(spread[1], 1e-9)))
+        principal = axes[:, 1] * np.sign(axes[:, 1] @ direction or 1.0)
+        # An outline cut by a leaf or a neighbour is elongated across its axis: trust it less the more it lies flat.
+        principal_weight = ELONGATION_WEIGHT * elongation * float(max(principal @ _unit(direction), 0.0)) ** 2
+        direction = direction + principal_weight * principal
+    return BerryAxis(centre, _unit(direction, fallback=gravity_up), evidence)
+
+
+def _calyx_direction(
+    mask: NDArray[np.uint8], leaf: NDArray[np.uint8], centre: Vector
+) -> tuple[Vector, float]:
+    reach = max(2, round(0.15 * float(np.sqrt(mask.sum()))))
+    window = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    ring = cv2.dilate(mask, window) & (1 - mask)
+    v, u = np.nonzero(ring & leaf)
+    total = int(ring.sum())
+    if len(u) == 0 or total == 0:
+        return np.zeros(2), 0.0
+    away = np.stack((u, v), axis=1) - centre
+    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
+    resultant = away.sum(axis=0)
+    length = float(np.linalg.norm(resultant))
+    # A calyx covers about a quarter of the ring: that much green on one side is full evidence.
+    return resultant / max(length, 1e-9), float(min(1.0, length / (0.25 * total)))
+
+
+def fruit_keypoints(mask: NDArray[np.uint8], axis: BerryAxis) -> Vector:
+    """(4, 2) pixels of top, bottom, left_grasp, right_grasp on the outline of ``mask``.
+
+    Top and bottom are where the axis leaves the fruit; the grasping points lie where the fruit is widest across it.
+    """
+    v, u = np.nonzero(mask)
+    relative = np.stack((u, v), axis=1).astype(np.float64) - axis.centre
+    along, across = relative @ axis.up, relative @ axis.left
+    width = float(across.max() - across.min()) + 1.0
+    # Tip and calyx are looked for near the axis, so that a shoulder or a bump does not pass for them.
+    near = np.abs(across - np.median(across)) <= 0.2 * width
+    near = near if near.any() else np.ones_like(near)
+    top = (
+        along[near].max() * axis.up + _mean_across(along, across, near, highest=along[near].max()) * axis.left
+    )
+    bottom = (
+        along[near].min() * axis.up + _mean_across(along, across, near, highest=along[near].min()) * axis.left
+    )
+    widest = _widest_height(along, across)
+    slice_ = np.abs(along - widest) <= 1.0
+    left = across[slice_].max() * axis.left + widest * axis.up
+    right = across[slice_].min() * axis.left + widest * axis.up
+    return np.stack((top, bottom, left, right)) + axis.centre
+
+
+def _mean_across(along: Vector, across: Vector, near: NDArray[np.bool_], *, highest: float) -> float:
+    return float(across[near & (np.abs(along - highest) <= 1.0)].mean())
+
+
+def _widest_height(along: Vector, across: Vector) -> float:
+    """Middle of the heights at which the fruit is at least 95% of its greatest width."""
+    rows = np.round(along).astype(np.int64)
+    rows -= (lowest := int(rows.min()))
+    leftmost = np.full(rows.max() + 1, -np.inf)
+    rightmost = np.full(rows.max() + 1, np.inf)
+    np.maximum.at(leftmost, rows, across)
+    np.minimum.at(rightmost, rows, across)
+    widths = np.where(np.isfinite(leftmost), leftmost - np.where(np.isfinite(rightmost), rightmost, 0.0), 0.0)
+    wide = np.flatnonzero(widths >= 0.95 * widths.max())
+    return float((wide[0] + wide[-1]) / 2 + lowest)
+
+
+def stem_column(
+    leaf: NDArray[np.uint8], point: Vector, axis: BerryAxis, *, reach: float, thickness: float
+) -> Vector | None:
+    """The stem nearest to ``point`` on the line across the axis, or None if no green strand crosses it.
+
+    Parameters
+    ----------
+    leaf
+        (H, W) uint8 0/1, green pixels.
+    point
+        (2,) pixel at which the stem is expected.
+    axis
+        The berry's axis.
+    reach
+        How far to either side to look, pixels.
+    thickness
+        Widest run of green that passes for a stem, pixels: wider ones are leaves.
+    """
+    offsets = np.arange(-np.ceil(reach + thickness), np.ceil(reach + thickness) + 1)
+    line = np.rint(point + offsets[:, None] * axis.left).astype(np.int64)
+    inside = (line >= 0).all(axis=1) & (line[:, 0] < leaf.shape[1]) & (line[:, 1] < leaf.shape[0])
+    green = np.zeros(len(line), dtype=np.int8)
+    green[inside] = leaf[line[inside, 1], line[inside, 0]]
+    steps = np.diff(np.concatenate(([0], green, [0])))
+    starts, ends = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
+    middles = (starts + ends - 1) / 2 - len(offsets) // 2
+    strand = (ends - starts <= thickness) & (np.abs(middles) <= reach)
+    if not strand.any():
+        return None
+    nearest = middles[strand][np.argmin(np.abs(middles[strand]))]
+    return np.asarray(point + nearest * axis.left, dtype=np.float64)
+
+
+def _unit(vector: Vector, fallback: Vector | None = None) -> Vector:
+    length = float(np.linalg.norm(vector))
+    if length < 1e-9:
+        return np.array([0.0, -1.0]) if fallback is None else fallback
+    return vector / length
