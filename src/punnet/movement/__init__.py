@@ -1,4 +1,4 @@
-"""Movement primitives: basis functions, ProMP, trajectory distributions, joint trajectories and their timing."""
+"""Movement primitives: basis, ProMP, trajectory distributions; joint trajectories and their timing."""
 
 from punnet.movement.basis import GaussianBasis
 from punnet.movement.conditioning import ViaPoint, condition_gaussian

@@ -21,8 +21,9 @@ WIDTH_TIMES_SPACING = 0.98  # width = this / (count − 1)²: 0.02 for 8 functio
 class GaussianBasis:
     """Basis functions ``ψ_i(z) = b_i(z) / Σ_j b_j(z)`` with ``b_i(z) = exp(−(z − c_i)² / (2 h))``.
 
-    The centres c_i lie evenly on [0, 1]. The width h decides how well weights are determined: with 8 functions
-    h = 0.02 gives cond(Φ) = 47; the h = 0.07 of the recorded data gives 2·10⁴ and weights of hundreds of radians.
+    The centres c_i lie evenly on [0, 1]. The width h decides how well weights are determined: with 8
+    functions h = 0.02 gives cond(Φ) = 47; the h = 0.07 of the recorded data gives 2·10⁴ and weights of
+    hundreds of radians.
 
     Parameters
     ----------
@@ -79,7 +80,8 @@ class GaussianBasis:
     def phi_derivative(self, phase: ArrayLike) -> NDArray[np.float64]:
         """First derivative of :meth:`phi` with respect to phase, (T, B); rows sum to zero."""
         values, slopes = self.phi(phase), -self._offsets(phase) / self.width
-        return values * (slopes - (values * slopes).sum(axis=1, keepdims=True))
+        centred = slopes - (values * slopes).sum(axis=1, keepdims=True)
+        return np.asarray(values * centred, dtype=np.float64)
 
     def phi_second_derivative(self, phase: ArrayLike) -> NDArray[np.float64]:
         """Second derivative of :meth:`phi` with respect to phase, (T, B); rows sum to zero."""

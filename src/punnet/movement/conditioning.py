@@ -72,7 +72,7 @@ class ViaPoint:
         object.__setattr__(self, "std", np.broadcast_to(std, values.shape).copy())
 
     def indices(self, dimensions: int) -> NDArray[np.int64]:
-        """Indices (k,) of its degrees of freedom in a movement with ``dimensions`` of them.
+        """Give the indices (k,) of its degrees of freedom in a movement with ``dimensions`` of them.
 
         Raises
         ------
@@ -127,9 +127,9 @@ def condition_gaussian(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Posterior of ``w ~ N(mean, covariance)`` given ``values = observation @ w + noise``, all rows at once.
 
-    The gain ``K = Σ Aᵀ (A Σ Aᵀ + R)⁻¹`` is computed on rows scaled to unit variance, dropping directions without any,
-    so repeated via-points do no harm; the covariance is updated in Joseph's form
-    ``(I − K A) Σ (I − K A)ᵀ + K R Kᵀ``, which stays positive semi-definite under rounding.
+    The gain ``K = Σ Aᵀ (A Σ Aᵀ + R)⁻¹`` is computed on rows scaled to unit variance, dropping directions
+    without any, so repeated via-points do no harm; the covariance is updated in Joseph's form ``(I − K A) Σ
+    (I − K A)ᵀ + K R Kᵀ``, which stays positive semi-definite under rounding.
 
     Parameters
     ----------
@@ -187,8 +187,8 @@ def _polish(
     worst = float(np.abs(values - observation @ posterior).max())
     if worst > UNMET_TOLERANCE * max(1.0, float(np.abs(values).max())):
         raise ConfigurationError(
-            f"via-points: exact values are missed by {worst:.2g}; they contradict each other or the demonstrations "
-            "never vary there: give a std, fewer via-points, or broaden the distribution"
+            f"via-points: exact values are missed by {worst:.2g}; they contradict each other or the "
+            "demonstrations never vary there: give a std, fewer via-points, or broaden the distribution"
         )
     return posterior
 
@@ -196,7 +196,7 @@ def _polish(
 def stack_via_points(
     via_points: Sequence[ViaPoint], dimensions: int, rows: Sequence[NDArray[np.float64]]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Observation matrix (M, D·B), values (M,) and variances (M,) of via-points; ``rows[i]`` (B,) is Φ at the i-th."""
+    """Observation matrix (M, D·B), values (M,), variances (M,); ``rows[i]`` (B,) is Φ at via-point i."""
     blocks, values, variances = [], [], []
     for via_point, row in zip(via_points, rows, strict=True):
         indices = via_point.indices(dimensions)

@@ -1,8 +1,8 @@
 """A distribution over trajectories: a Gaussian over the weights of a movement primitive (Eq. 5.6, 5.7).
 
 The weights of D degrees of freedom with B basis functions are stacked degree by degree,
-``(θ_11 … θ_1B, θ_21 … θ_DB)``: entry ``d·B + b`` belongs to degree d and function b. The covariance is full, so
-correlations between joints are kept (the thesis decouples the joints).
+``(θ_11 … θ_1B, θ_21 … θ_DB)``: entry ``d·B + b`` belongs to degree d and function b. The covariance is full,
+so correlations between joints are kept (the thesis decouples the joints).
 """
 
 from __future__ import annotations
@@ -54,7 +54,8 @@ class TrajectoryDistribution:
     ShapeError
         If a shape disagrees or a number is not finite.
     ConfigurationError
-        If the covariance is not symmetric positive semi-definite, the duration not positive or the space unknown.
+        If the covariance is not symmetric positive semi-definite, the duration not positive or the space
+        unknown.
     """
 
     basis: GaussianBasis
@@ -75,7 +76,8 @@ class TrajectoryDistribution:
         covariance = np.asarray(self.weight_covariance, dtype=np.float64)
         if covariance.shape != (mean.size, mean.size):
             raise ShapeError(
-                f"trajectory distribution: weight_covariance must be {(mean.size, mean.size)}, got {covariance.shape}"
+                f"trajectory distribution: weight_covariance must be {(mean.size, mean.size)}, "
+                f"got {covariance.shape}"
             )
         if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
             raise ShapeError("trajectory distribution: weights must be finite")
@@ -118,21 +120,21 @@ class TrajectoryDistribution:
         return self.basis.phi(phase) @ self.weight_mean.T
 
     def mean_derivative(self, phase: ArrayLike, order: int = 1) -> NDArray[np.float64]:
-        """Derivative of the mean with respect to phase, (T, D); divide by ``duration**order`` for time."""
+        """Differentiate the mean with respect to phase, (T, D); divide by ``duration**order`` for time."""
         return self.basis.derivative(phase, order) @ self.weight_mean.T
 
     def covariance(self, phase: ArrayLike) -> NDArray[np.float64]:
-        """Covariance of the degrees of freedom with each other at each phase, (T, D, D), without observation noise."""
+        """Covariance (T, D, D) between the degrees of freedom at each phase, without observation noise."""
         phi, D, B = self.basis.phi(phase), self.dimensions, self.basis.count
         half = np.tensordot(phi, self.weight_covariance.reshape(D, B, D, B), axes=(1, 3))
         return np.asarray(np.einsum("tdbe,tb->tde", half, phi), dtype=np.float64)
 
     def std(self, phase: ArrayLike) -> NDArray[np.float64]:
-        """Standard deviation (T, D) at phases (T,), without observation noise: Eq. 5.7."""
+        """Give the standard deviation (T, D) at phases (T,), without observation noise: Eq. 5.7."""
         phi, D, B = self.basis.phi(phase), self.dimensions, self.basis.count
         blocks = np.einsum("dbdc->dbc", self.weight_covariance.reshape(D, B, D, B))
         variances = np.einsum("dtc,tc->td", phi @ blocks, phi)
-        return np.sqrt(np.maximum(variances, 0.0))
+        return np.asarray(np.sqrt(np.maximum(variances, 0.0)), dtype=np.float64)
 
     def sample(self, rng: np.random.Generator, n: int, phase: ArrayLike) -> NDArray[np.float64]:
         """``n`` smooth trajectories (n, T, D), drawn without observation noise.
@@ -153,7 +155,8 @@ class TrajectoryDistribution:
     def log_density(self, phase: float, values: ArrayLike, *, std: float = 0.0) -> float:
         """Log of Eq. 5.6 for all degrees of freedom together at one phase, in nats.
 
-        ``std`` is added to the observation noise of every degree; directions without any variance are given 1e-9.
+        ``std`` is added to the observation noise of every degree; directions without any variance are given
+        1e-9.
         """
         residual = np.asarray(values, dtype=np.float64) - self.mean([phase])[0]
         if residual.shape != (self.dimensions,):
@@ -169,8 +172,8 @@ class TrajectoryDistribution:
     def condition(self, via_points: Sequence[ViaPoint]) -> TrajectoryDistribution:
         """Distribution of the trajectories that pass all ``via_points``, taken jointly.
 
-        The closed Gaussian form of :func:`~punnet.movement.conditioning.condition_gaussian`; a via-point with zero
-        std is met exactly, one with a positive std is weighed against the prior.
+        The closed Gaussian form of :func:`~punnet.movement.conditioning.condition_gaussian`; a via-point with
+        zero std is met exactly, one with a positive std is weighed against the prior.
 
         Raises
         ------
@@ -195,7 +198,7 @@ class TrajectoryDistribution:
         )
 
     def broadened(self, std: ArrayLike) -> TrajectoryDistribution:
-        """The same mean with independent variance ``std``² (one number or (D,)) added to every weight.
+        """Add independent variance ``std``² (one number or (D,)) to every weight; the mean stays.
 
         Lets conditioning leave the demonstrations, as from a start that none of them had.
         """
@@ -255,5 +258,5 @@ def _require_semi_definite(covariance: NDArray[np.float64]) -> None:
     smallest = float(np.linalg.eigvalsh(covariance)[0])
     if smallest < -1e-8 * largest:
         raise ConfigurationError(
-            f"trajectory distribution: weight_covariance is not positive semi-definite (eigenvalue {smallest:.3g})"
+            f"trajectory distribution: weight_covariance has a negative eigenvalue, {smallest:.3g}"
         )

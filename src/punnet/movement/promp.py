@@ -19,8 +19,8 @@ __all__ = ["ProMP", "shrunk_covariance"]
 class ProMP:
     """How demonstrations become a :class:`~punnet.movement.TrajectoryDistribution`.
 
-    Each demonstration is reduced to weights by ridge regression (Eq. 5.2); the weights of all degrees of freedom
-    together are then described by their mean and full covariance.
+    Each demonstration is reduced to weights by ridge regression (Eq. 5.2); the weights of all degrees of
+    freedom together are then described by their mean and full covariance.
 
     Parameters
     ----------
@@ -29,8 +29,8 @@ class ProMP:
     ridge
         Weight of the ridge penalty relative to the mean diagonal of ΦᵀΦ; it only has to tame rounding.
     shrinkage
-        Share by which correlations between weights are drawn to zero, in [0, 1]; None estimates it from the data, so
-        that a handful of demonstrations still gives a usable covariance.
+        Share by which correlations between weights are drawn to zero, in [0, 1]; None estimates it from the
+        data, so that a handful of demonstrations still gives a usable covariance.
     minimum_std
         Standard deviation that every weight keeps at least, in its own unit.
 
@@ -130,8 +130,8 @@ class ProMP:
 def shrunk_covariance(samples: NDArray[np.float64], shrinkage: float | None = None) -> NDArray[np.float64]:
     """Covariance (N, N) of samples (M, N) with correlations shrunk towards zero, variances kept.
 
-    ``shrinkage`` None uses Schäfer and Strimmer's (2005) estimate ``λ = Σ Var(r_ij) / Σ r_ij²`` over i ≠ j, which
-    goes to 0 with many samples and to 1 with few. One sample gives zeros.
+    ``shrinkage`` None uses Schäfer and Strimmer's (2005) estimate ``λ = Σ Var(r_ij) / Σ r_ij²`` over i ≠ j,
+    which goes to 0 with many samples and to 1 with few. One sample gives zeros.
     """
     count = len(samples)
     centred = samples - samples.mean(axis=0)
