@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from punnet.errors import ShapeError
-from punnet.geometry import is_transform
+from punnet.geometry import invert_transform, is_transform
 from punnet.movement import JointLimits
 from punnet.robot.tool import T_FLANGE_TOOL
 
@@ -117,6 +117,10 @@ class Panda:
     def forward_kinematics_tool(self, joints: ArrayLike) -> NDArray[np.float64]:
         """Tool poses ``T_base_tool`` (..., 4, 4) of joints (..., 7)."""
         return self.forward_kinematics(joints) @ self.T_flange_tool
+
+    def flange_pose(self, T_base_tool: ArrayLike) -> NDArray[np.float64]:
+        """Flange poses ``T_base_flange`` (..., 4, 4) that put the tool at ``T_base_tool`` (..., 4, 4)."""
+        return np.asarray(T_base_tool, dtype=np.float64) @ invert_transform(self.T_flange_tool)
 
     def jacobian(self, joints: ArrayLike) -> NDArray[np.float64]:
         """Geometric Jacobian (..., 6, 7) of the flange's origin in the base frame.
