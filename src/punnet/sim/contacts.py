@@ -1,0 +1,94 @@
+"""Contact forces: what the tool touches, and how hard each berry is pressed."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from punnet.sim.layers import STRUCTURE
+
+__all__ = ["BRUISING_FORCE", "ContactMonitor"]
+
+BRUISING_FORCE = 10.0
+"""Newtons of total contact force on one berry over which it counts as damaged.
+
+Ripe strawberries of 20–30 g show bruises from quasi-static loads of the order of 5–15 N on a flat plate; the middle of
+that range is used. It is a setting of the simulator, not a measurement of ours.
+"""
+
+
+class ContactMonitor:
+    """Keeps, over the steps since :meth:`reset`, the peak force on each berry and what the tool touched.
+
+    Needs elliptic friction cones, where a contact's first constraint force is its normal force.
+
+    Parameters
+    ----------
+    model
+        The compiled world.
+    berry_of_geom
+        (ngeom,) index of the berry a geometry belongs to, −1 for none.
+    """
+
+    def __init__(self, model: mujoco.MjModel, berry_of_geom: NDArray[np.int64], berries: int) -> None:
+        self._berry_of_geom = berry_of_geom
+        self._is_tool = np.array([self._under_arm(model, body) for body in model.geom_bodyid])
+        self._is_structure = (model.geom_contype == STRUCTURE[0]) & (model.geom_conaffinity == STRUCTURE[1])
+        self._berries = berries
+        self.peak_on_berry = np.zeros(berries)
+        self.tool_peak_on_berry = np.zeros(berries)
+        self._recent_tool_peak_on_berry = np.zeros(berries)
+        self._recent_structure_peak = 0.0
+
+    @staticmethod
+    def _under_arm(model: mujoco.MjModel, body: int) -> bool:
+        while body > 0:
+            if model.body(body).name == "fr3_link1":
+                return True
+            body = int(model.body_parentid[body])
+        return False
+
+    def reset_recent(self) -> None:
+        """Forget the recent peaks (those since the last motion began); the lifetime peaks stay."""
+        self._recent_tool_peak_on_berry[:] = 0.0
+        self._recent_structure_peak = 0.0
+
+    @property
+    def recent_tool_peaks(self) -> NDArray[np.float64]:
+        """(N,) peak force of the tool on each berry since :meth:`reset_recent`, newtons."""
+        return self._recent_tool_peak_on_berry.copy()
+
+    @property
+    def recent_structure_peak(self) -> float:
+        """Peak force between the arm and structure since :meth:`reset_recent`, newtons."""
+        return self._recent_structure_peak
+
+    def update(self, data: mujoco.MjData) -> None:
+        """Take in the contacts of the step just made."""
+        if data.ncon == 0:
+            return
+        contact = data.contact
+        address = contact.efc_address
+        active = address >= 0
+        if not active.any():
+            return
+        geoms = contact.geom[active]
+        force = data.efc_force[address[active]]
+        berry = self._berry_of_geom[geoms]
+        tool = self._is_tool[geoms]
+        on_berries = np.zeros(self._berries)
+        by_tool = np.zeros(self._berries)
+        for side in (0, 1):
+            struck = berry[:, side] >= 0
+            if not struck.any():
+                continue
+            np.add.at(on_berries, berry[struck, side], force[struck])
+            pushed = struck & tool[:, 1 - side]
+            np.add.at(by_tool, berry[pushed, side], force[pushed])
+        np.maximum(self.peak_on_berry, on_berries, out=self.peak_on_berry)
+        np.maximum(self.tool_peak_on_berry, by_tool, out=self.tool_peak_on_berry)
+        np.maximum(self._recent_tool_peak_on_berry, by_tool, out=self._recent_tool_peak_on_berry)
+        hard = tool.any(axis=1) & self._is_structure[geoms].any(axis=1)
+        if hard.any():
+            self._recent_structure_peak = max(self._recent_structure_peak, float(force[hard].max()))

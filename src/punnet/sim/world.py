@@ -1,0 +1,173 @@
+"""The simulated world: arm with picker, one plant, punnets, scenery. Built from a seed, the same every time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from punnet.robot.panda import HOME
+from punnet.sim.arm import JOINT_NAMES, load_arm
+from punnet.sim.cluster import Cluster, ClusterConfig, grow_cluster
+from punnet.sim.contacts import ContactMonitor
+from punnet.sim.layers import SCENERY, STRUCTURE
+from punnet.sim.picker import CAMERA_NAME, GRIP_OPENING, add_picker
+from punnet.sim.plant import PlantedBerry, add_cluster, add_leaves
+from punnet.sim.punnets import add_punnets
+from punnet.sim.scenery import add_scenery
+
+__all__ = ["OVERVIEW_CAMERA", "World", "WorldConfig", "build_world"]
+
+OVERVIEW_CAMERA = "overview"
+TIME_STEP = 0.002
+_SETTLING_TIME = 0.5
+
+
+@dataclass(frozen=True)
+class WorldConfig:
+    """What to build.
+
+    Parameters
+    ----------
+    cluster
+        The kind of plant.
+    arm_visuals
+        Whether the arm is drawn; only third-person views need it.
+    """
+
+    cluster: ClusterConfig = field(default_factory=ClusterConfig)
+    arm_visuals: bool = True
+
+
+class World:
+    """A compiled world and its state; the simulator's ground truth is read from here.
+
+    Attributes
+    ----------
+    model, data
+        MuJoCo's.
+    cluster
+        What was grown, as laid out (before gravity).
+    planted
+        Names of each berry in the model.
+    contacts
+        Peak forces.
+    """
+
+    def __init__(self, model: mujoco.MjModel, cluster: Cluster, planted: list[PlantedBerry]) -> None:
+        self.model = model
+        self.data = mujoco.MjData(model)
+        self.cluster = cluster
+        self.planted = planted
+        self.arm_qpos = np.array([model.joint(name).qposadr[0] for name in JOINT_NAMES])
+        self.arm_ctrl = np.array([model.actuator(name).id for name in JOINT_NAMES])
+        self._fruit_bodies = np.array([model.body(berry.body).id for berry in planted], dtype=np.int64)
+        self._welds = np.array([model.equality(berry.weld).id for berry in planted], dtype=np.int64)
+        berry_of_geom = np.full(model.ngeom, -1, dtype=np.int64)
+        for berry in planted:
+            berry_of_geom[model.geom(berry.fruit).id] = berry.index
+        self.contacts = ContactMonitor(model, berry_of_geom, len(planted))
+        self._reset()
+
+    def _reset(self) -> None:
+        self.data.qpos[self.arm_qpos] = HOME
+        for side in ("left", "right"):
+            joint = self.model.joint(f"grasp_{side}")
+            self.data.qpos[joint.qposadr[0]] = GRIP_OPENING
+            self.data.ctrl[self.model.actuator(f"grasp_{side}").id] = GRIP_OPENING
+        blade = self.model.joint("blade")
+        self.data.qpos[blade.qposadr[0]] = blade.range[0]
+        self.data.ctrl[self.model.actuator("blade").id] = blade.range[0]
+        self.data.ctrl[self.arm_ctrl] = HOME
+        mujoco.mj_step(self.model, self.data, nstep=round(_SETTLING_TIME / TIME_STEP))
+        self.data.time = 0.0
+
+    @property
+    def berries(self) -> int:
+        """Number of berries that were grown."""
+        return len(self.planted)
+
+    def step(self) -> None:
+        """One physics step; contact forces are taken in."""
+        mujoco.mj_step(self.model, self.data)
+        self.contacts.update(self.data)
+
+    def berry_poses(self) -> NDArray[np.float64]:
+        """``T_base_berry`` (N, 4, 4) now: origin at the calyx, z along the stem upwards."""
+        T = np.tile(np.eye(4), (self.berries, 1, 1))
+        T[:, :3, :3] = self.data.xmat[self._fruit_bodies].reshape(-1, 3, 3)
+        T[:, :3, 3] = self.data.xpos[self._fruit_bodies]
+        return T
+
+    def attached(self) -> NDArray[np.bool_]:
+        """(N,) whether each berry still hangs on the plant."""
+        return np.asarray(self.data.eq_active[self._welds], dtype=np.bool_)
+
+    def detach(self, berry: int) -> None:
+        """Part a berry from its truss; see ``cutting.py`` for the rule."""
+        self.data.eq_active[self._welds[berry]] = 0
+
+
+def build_world(seed: int, config: WorldConfig | None = None) -> World:
+    """Build the world of ``seed``: the same seed and config give the same world, berry for berry."""
+    config = config or WorldConfig()
+    rng = np.random.default_rng(seed)
+    cluster = grow_cluster(rng, config.cluster)
+    spec = load_arm(with_visuals=config.arm_visuals)
+    _set_physics(spec)
+    add_picker(spec)
+    add_scenery(spec, rng)
+    _add_table(spec)
+    add_punnets(spec)
+    planted = add_cluster(spec, rng, cluster)
+    add_leaves(spec, rng, cluster)
+    _set_camera(spec)
+    return World(spec.compile(), cluster, planted)
+
+
+def _set_physics(spec: mujoco.MjSpec) -> None:
+    option = spec.option
+    option.timestep = TIME_STEP
+    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.impratio = 10.0
+    option.iterations = 20
+    option.ls_iterations = 20
+    spec.visual.quality.numslices = 10
+    spec.visual.quality.numstacks = 6
+
+
+def _add_table(spec: mujoco.MjSpec) -> None:
+    spec.worldbody.add_geom(
+        name="table",
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=(0.32, 0.55, 0.02),
+        pos=(0.15, 0.05, -0.02),
+        rgba=(0.55, 0.57, 0.60, 1.0),
+        contype=STRUCTURE[0],
+        conaffinity=STRUCTURE[1],
+        group=SCENERY,
+    )
+
+
+def _set_camera(spec: mujoco.MjSpec) -> None:
+    """The wrist camera's intrinsics, and a fixed camera for third-person views."""
+    camera = spec.camera(CAMERA_NAME)
+    camera.fovy = float(np.degrees(2.0 * np.arctan(480 / 2.0 / 615.0)))
+    spec.visual.global_.offwidth = 1280
+    spec.visual.global_.offheight = 960
+    overview = spec.worldbody.add_camera(name=OVERVIEW_CAMERA, pos=(-0.05, -1.05, 1.02), fovy=45.0)
+    overview.quat = _looking_from((-0.05, -1.05, 1.02), (0.52, 0.02, 0.62))
+
+
+def _looking_from(position: tuple[float, float, float], at: tuple[float, float, float]) -> NDArray[np.float64]:
+    """Quaternion of a MuJoCo camera (looks along −z, y up) at ``position`` that looks at a point, upright."""
+    back = np.subtract(position, at)
+    back /= np.linalg.norm(back)
+    right = np.cross((0.0, 0.0, 1.0), back)
+    right /= np.linalg.norm(right)
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, np.stack((right, np.cross(back, right), back), axis=1).ravel())
+    return quaternion
