@@ -44,9 +44,9 @@ class BerryAxis:
 def berry_axis(mask: NDArray[np.uint8], leaf: NDArray[np.uint8], gravity_up: Vector) -> BerryAxis:
     """Axis of the berry ``mask`` (H, W) 0/1.
 
-    Three cues are added as vectors: gravity (weight 1), the direction in which green of ``leaf`` lies around the
-    outline (weight: how one-sided it is), and the principal axis of the outline (weight: how elongated it is), which
-    has no sign of its own and takes the one nearer to the other two.
+    Three cues are added as vectors: gravity (weight 1), the direction in which green of ``leaf`` lies around
+    the outline (weight: how one-sided it is), and the principal axis of the outline (weight: how elongated it
+    is), which has no sign of its own and takes the one nearer to the other two.
     """
     v, u = np.nonzero(mask)
     pixels = np.stack((u, v), axis=1).astype(np.float64)
@@ -57,7 +57,8 @@ def berry_axis(mask: NDArray[np.uint8], leaf: NDArray[np.uint8], gravity_up: Vec
         spread, axes = np.linalg.eigh(np.cov((pixels - centre).T))
         elongation = 1.0 - float(np.sqrt(max(spread[0], 0.0) / max(spread[1], 1e-9)))
         principal = axes[:, 1] * np.sign(axes[:, 1] @ direction or 1.0)
-        # An outline cut by a leaf or a neighbour is elongated across its axis: trust it less the more it lies flat.
+        # An outline cut by a leaf or a neighbour is elongated across its axis: trust it less the more it lies
+        # flat.
         principal_weight = ELONGATION_WEIGHT * elongation * float(max(principal @ _unit(direction), 0.0)) ** 2
         direction = direction + principal_weight * principal
     return BerryAxis(centre, _unit(direction, fallback=gravity_up), evidence)
@@ -84,7 +85,8 @@ def _calyx_direction(
 def fruit_keypoints(mask: NDArray[np.uint8], axis: BerryAxis) -> Vector:
     """(4, 2) pixels of top, bottom, left_grasp, right_grasp on the outline of ``mask``.
 
-    Top and bottom are where the axis leaves the fruit; the grasping points lie where the fruit is widest across it.
+    Top and bottom are where the axis leaves the fruit; the grasping points lie where the fruit is widest
+    across it.
     """
     v, u = np.nonzero(mask)
     relative = np.stack((u, v), axis=1).astype(np.float64) - axis.centre
@@ -126,7 +128,7 @@ def _widest_height(along: Vector, across: Vector) -> float:
 def stem_column(
     leaf: NDArray[np.uint8], point: Vector, axis: BerryAxis, *, reach: float, thickness: float
 ) -> Vector | None:
-    """The stem nearest to ``point`` on the line across the axis, or None if no green strand crosses it.
+    """Find the stem nearest to ``point`` on the line across the axis; None if no green strand crosses it.
 
     Parameters
     ----------

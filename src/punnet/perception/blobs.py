@@ -169,7 +169,8 @@ def _shape(mask: NDArray[np.uint8], area: int) -> tuple[float, float]:
     outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     outline = max(outlines, key=len)
     hull = cv2.convexHull(outline)
-    # contourArea measures between pixel centres: half the perimeter and a pixel make it comparable with a count.
+    # contourArea measures between pixel centres: half the perimeter and a pixel make it comparable with a
+    # count.
     hull_area = cv2.contourArea(hull) + cv2.arcLength(hull, True) / 2 + 1
     (_, (width, height), _) = cv2.minAreaRect(outline)
     return min(1.0, area / hull_area), (max(width, height) + 1) / (min(width, height) + 1)
@@ -203,11 +204,9 @@ def plausible(blob: Blob, config: BlobConfig) -> bool:
         return False
     if blob.chroma < config.colourfulness:
         return False
-    if np.isfinite(blob.depth) and blob.depth > config.farthest:
-        return False
-    if np.isfinite(blob.diameter) and not config.diameter[0] <= blob.diameter <= config.diameter[1]:
-        return False
-    return True
+    # Unknown depth and diameter are NaN, which no comparison refuses.
+    smallest, largest = config.diameter
+    return not (blob.depth > config.farthest or blob.diameter < smallest or blob.diameter > largest)
 
 
 def score(blob: Blob) -> float:

@@ -1,7 +1,7 @@
 """The classical line of thesis 3.1.1: colour threshold, morphology, watershed, geometric key-points.
 
-It needs no training and no model file. It is the number to beat (docs/perception-baseline.md) and what the harvest
-loop uses until a learned detector is given.
+It needs no training and no model file. It is the number to beat (docs/perception-baseline.md) and what the
+harvest loop uses until a learned detector is given.
 """
 
 from __future__ import annotations
@@ -43,7 +43,8 @@ class ColourConfig:
     most_berries
         At most this many berries are returned, those of highest score.
     mask_bytes
-        Bound on N·H·W of the returned masks: of huge images the best berries that fit are kept, and the log says so.
+        Bound on N·H·W of the returned masks: of huge images the best berries that fit are kept, and the log
+        says so.
 
     Raises
     ------
@@ -64,8 +65,8 @@ class ColourConfig:
     def __post_init__(self) -> None:
         if self.working_pixels < 10_000 or self.most_berries < 1 or self.mask_bytes < 1:
             raise ConfigurationError(
-                "colour detector: working_pixels ≥ 10000, most_berries ≥ 1 and mask_bytes ≥ 1 are needed, got "
-                f"{self.working_pixels}, {self.most_berries}, {self.mask_bytes}"
+                "colour detector: working_pixels ≥ 10000, most_berries ≥ 1 and mask_bytes ≥ 1 are needed, "
+                f"got {self.working_pixels}, {self.most_berries}, {self.mask_bytes}"
             )
         if not (0 < self.ripe < 1 and 0 <= self.score < 1):
             raise ConfigurationError(
@@ -76,7 +77,8 @@ class ColourConfig:
 class ColourDetector:
     """Finds berries by colour and shape.
 
-    Ripe berries are found reliably; green ones only as far as their flesh is lighter and yellower than leaves.
+    Ripe berries are found reliably; green ones only as far as their flesh is lighter and yellower than
+    leaves.
 
     Parameters
     ----------
@@ -92,9 +94,9 @@ class ColourDetector:
     def detect(self, frame: Frame) -> Strawberries:
         """Berries of ``frame``, best first, with masks, five key-points, class and ripeness.
 
-        With ``frame.depth`` berries farther than ``config.blobs.farthest`` are dropped and touching ones parted
-        where depth jumps; with ``frame.camera`` too, implausible diameters are dropped and the picking point lies
-        a metric height above the calyx.
+        With ``frame.depth`` berries farther than ``config.blobs.farthest`` are dropped and touching ones
+        parted where depth jumps; with ``frame.camera`` too, implausible diameters are dropped and the picking
+        point lies a metric height above the calyx.
         """
         size = (frame.height, frame.width)
         if min(size) < SMALLEST_SIDE:
@@ -155,7 +157,7 @@ class ColourDetector:
 
 
 def gravity_up(frame: Frame) -> NDArray[np.float64]:
-    """(2,) unit vector in the image away from the ground: from the camera's pose if known, else up the image."""
+    """(2,) unit vector in the image against gravity: from the camera's pose if known, else up."""
     upward = np.array([0.0, -1.0])
     if frame.T_base_camera is None:
         return upward
@@ -185,7 +187,7 @@ def to_full_size(
 
 
 def _paint(mask: NDArray[np.bool_], blob: Blob, working: tuple[int, ...]) -> NDArray[np.float64]:
-    """Draw a blob's mask into the full-size ``mask``; return its box xyxy, right and bottom edges exclusive."""
+    """Draw a blob's mask into the full-size ``mask``; return its box xyxy, far edges exclusive."""
     rows, columns = blob.window
     height, width = mask.shape
     v0, v1 = (round(edge * height / working[0]) for edge in (rows.start, rows.stop))
@@ -203,7 +205,7 @@ def _paint(mask: NDArray[np.bool_], blob: Blob, working: tuple[int, ...]) -> NDA
 def box_around(
     box: NDArray[np.float64], keypoints: NDArray[np.float64], size: tuple[int, int]
 ) -> NDArray[np.float64]:
-    """Enlarge ``box`` (4,) xyxy so that it contains ``keypoints`` (5, 2), within the image (DESIGN.md section 4)."""
+    """Enlarge ``box`` (4,) xyxy to contain ``keypoints`` (5, 2), within the image (DESIGN.md section 4)."""
     known = keypoints[np.isfinite(keypoints).all(axis=1)]
     low = np.minimum(box[:2], known.min(axis=0)) if len(known) else box[:2]
     high = np.maximum(box[2:], known.max(axis=0)) if len(known) else box[2:]

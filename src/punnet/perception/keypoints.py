@@ -126,9 +126,9 @@ def _with_visibility(
         if not (0 <= u < width and 0 <= v < height):
             points[k] = np.nan
             codes[k] = Visibility.ABSENT
-        elif k == 0 and not on_stem:
-            codes[k] = Visibility.HIDDEN_BY_OTHER
-        elif view.labels[v, u] not in (0, own) or _hidden(view, blob, u, v, config):
+        elif (
+            (k == 0 and not on_stem) or view.labels[v, u] not in (0, own) or _hidden(view, blob, u, v, config)
+        ):
             codes[k] = Visibility.HIDDEN_BY_OTHER
     return points, codes
 

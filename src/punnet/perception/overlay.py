@@ -28,8 +28,9 @@ DARK: Colour = (20, 20, 20)
 def draw_overlay(rgb: NDArray[np.uint8], berries: Strawberries) -> NDArray[np.uint8]:
     """Draw masks, boxes, axes, key-points and labels over an image.
 
-    Key-points are filled where visible, hollow where the fruit hides them itself, crossed where something else does.
-    Labels tell class, score, ripeness and, if known, grams; labels that would cover one another are moved.
+    Key-points are filled where visible, hollow where the fruit hides them itself, crossed where something
+    else does. Labels tell class, score, ripeness and, if known, grams; labels that would cover one another
+    are moved.
 
     Parameters
     ----------
@@ -170,14 +171,15 @@ def _free_place(
     image_size: tuple[int, int],
     taken: list[tuple[int, int, int, int]],
 ) -> tuple[int, int] | None:
-    """Top-left corner beside the box, the first of eight that overlaps no other label; None if the image is too small."""
+    """Top-left corner beside the box, the first of eight free of other labels; None in a tiny image."""
     width, height = extent
     if width >= image_size[1] or height >= image_size[0]:
         return None
     u0, v0, u1, v1 = (round(float(edge)) for edge in box)
     candidates = [
         (u0, v0 - height - 1), (u0, v1 + 2), (u1 + 2, v0), (u0 - width - 2, v0),
-        (u1 + 2, v1 - height), (u0 - width - 2, v1 - height), (u1 - width, v0 - height - 1), (u1 - width, v1 + 2),
+        (u1 + 2, v1 - height), (u0 - width - 2, v1 - height),
+        (u1 - width, v0 - height - 1), (u1 - width, v1 + 2),
     ]  # fmt: skip
     limited = [
         (min(max(u, 0), image_size[1] - width - 1), min(max(v, 0), image_size[0] - height - 1))

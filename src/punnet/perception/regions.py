@@ -1,4 +1,4 @@
-"""From berry-coloured pixels to one region a berry: cleaning, splitting what touches, joining two-coloured fruit."""
+"""From berry-coloured pixels to one region a berry: cleaning, splitting, joining two-coloured fruit."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ class RegionConfig:
     neck
         Two candidates stay apart if their neck is narrower than this share of the smaller one (watershed).
     joined_solidity
-        A red and a pale region are one turning berry if their union fills at least this share of its convex hull.
+        A red and a pale region are one turning berry if their union fills at least this share of its convex
+        hull.
     depth_jump
         Metres between neighbouring pixels that part two berries.
 

@@ -1,4 +1,4 @@
-"""Which pixels could be berry: red and pale regions by Lab colour, with a guarded Otsu threshold (thesis 3.1.1).
+"""Which pixels could be berry: red and pale flesh by Lab colour, guarded Otsu threshold (thesis 3.1.1).
 
 Lab is used as CIE defines it: L in 0…100, a (green − … red +) and b (blue − … yellow +) around 0.
 """
@@ -23,8 +23,8 @@ class ColourThresholds:
     Parameters
     ----------
     red_lowest, red_highest
-        The Otsu threshold on a* is kept between these, so that a picture without berries gives none and one full
-        of berries does not lose the darker ones.
+        The Otsu threshold on a* is kept between these, so that a picture without berries gives none and one
+        full of berries does not lose the darker ones.
     red_growth
         From pixels above the threshold, regions grow down to this share of it (hysteresis): shaded flanks.
     red_hue_deg
@@ -57,7 +57,8 @@ class ColourThresholds:
     def __post_init__(self) -> None:
         if not 0 < self.red_lowest <= self.red_highest < 128:
             raise ConfigurationError(
-                f"colour thresholds: need 0 < red_lowest ≤ red_highest < 128, got {self.red_lowest}, {self.red_highest}"
+                "colour thresholds: need 0 < red_lowest ≤ red_highest < 128, got "
+                f"{self.red_lowest}, {self.red_highest}"
             )
         if not 0 < self.red_growth <= 1:
             raise ConfigurationError(
@@ -92,7 +93,7 @@ class BerryPixels:
 
 
 def lab_planes(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """RGB (H, W, 3) to 8-bit Lab planes (3, H, W): L · 2.55, a + 128, b + 128, lightly smoothed against noise."""
+    """RGB (H, W, 3) to 8-bit Lab planes (3, H, W): L · 2.55, a + 128, b + 128, lightly smoothed."""
     lab = cv2.cvtColor(cv2.GaussianBlur(rgb, (3, 3), 0), cv2.COLOR_RGB2LAB)
     return np.ascontiguousarray(lab.transpose(2, 0, 1))
 
@@ -100,8 +101,8 @@ def lab_planes(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def guarded_otsu(values: NDArray[np.uint8], lowest: float, highest: float) -> float:
     """Otsu's threshold of 8-bit ``values``, kept within ``lowest`` … ``highest``.
 
-    Otsu divides any picture in two, berries or not; the guard is what makes an empty picture empty. Without values
-    the answer is ``highest``.
+    Otsu divides any picture in two, berries or not; the guard is what makes an empty picture empty. Without
+    values the answer is ``highest``.
     """
     if values.size == 0:
         return highest
@@ -122,7 +123,7 @@ _RIPENESS = np.clip((_GREEN_HUE - _HUE) / (_GREEN_HUE - _RIPE_HUE), 0.0, 1.0) * 
 
 
 def pixel_ripeness(lab: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Ripeness 0 (hue ≥ 85°, green-white) … 1 (hue ≤ 45°, red) of Lab planes (3, ...), and the weight of each pixel."""
+    """Ripeness 0 (hue ≥ 85°, green-white) … 1 (hue ≤ 45°, red) of Lab planes (3, ...), and pixel weights."""
     a, b = lab[1], lab[2]
     return _RIPENESS[a, b].astype(np.float32), _RIPENESS_WEIGHT[a, b].astype(np.float32)
 
@@ -141,14 +142,14 @@ def berry_pixels(lab: NDArray[np.uint8], thresholds: ColourThresholds) -> BerryP
     warm = a[a > 128 + thresholds.red_lowest / 2] - np.uint8(128)
     threshold = guarded_otsu(warm, thresholds.red_lowest, thresholds.red_highest)
     red = _grow(
-        _table(a, b, (_HUE <= thresholds.red_hue_deg) & _redder_than(threshold)),
-        _table(a, b, (_HUE <= thresholds.red_hue_deg) & _redder_than(threshold * thresholds.red_growth)),
+        _table(a, b, (thresholds.red_hue_deg >= _HUE) & _redder_than(threshold)),
+        _table(a, b, (thresholds.red_hue_deg >= _HUE) & _redder_than(threshold * thresholds.red_growth)),
     )
     lowest, highest = thresholds.pale_hue_deg
-    pale = _table(a, b, (_HUE >= lowest) & (_HUE <= highest) & (_CHROMA >= thresholds.pale_chroma))
+    pale = _table(a, b, (lowest <= _HUE) & (highest >= _HUE) & (thresholds.pale_chroma <= _CHROMA))
     pale &= (lightness >= thresholds.pale_lightness * 2.55).astype(np.uint8)
     pale &= 1 - red
-    leaf = _table(a, b, (_HUE >= thresholds.leaf_hue_deg) & (_CHROMA >= thresholds.leaf_chroma))
+    leaf = _table(a, b, (thresholds.leaf_hue_deg <= _HUE) & (thresholds.leaf_chroma <= _CHROMA))
     return BerryPixels(red, pale, leaf, threshold)
 
 
@@ -165,7 +166,7 @@ def _table(a: NDArray[np.uint8], b: NDArray[np.uint8], allowed: NDArray[np.bool_
 
 
 def _grow(seeds: NDArray[np.uint8], region: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The connected parts of ``region`` that hold a seed."""
+    """Keep the connected parts of ``region`` that hold a seed."""
     count, labels = cv2.connectedComponents(region, connectivity=4)
     keep = np.zeros(count, dtype=np.uint8)
     keep[np.unique(labels[seeds > 0])] = 1

@@ -1,4 +1,4 @@
-"""Dividing a region into berries that touch: watershed of the distance transform, with necks as the boundaries."""
+"""Dividing a region into berries that touch: watershed of the distance transform."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ def split_touching(
 ) -> NDArray[np.int32]:
     """Label the berries of one connected region.
 
-    Every local maximum of the distance to the background is a candidate berry; two candidates stay apart only if
-    the neck between them is narrower than ``neck`` times the smaller one's half width.
+    Every local maximum of the distance to the background is a candidate berry; two candidates stay apart only
+    if the neck between them is narrower than ``neck`` times the smaller one's half width.
 
     Parameters
     ----------

@@ -1,0 +1,191 @@
+"""The bridge to ``faster-coco-eval``: containers in, its precision and recall tables out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from punnet.errors import ShapeError
+from punnet.scene import CLASSES, KEYPOINTS, Strawberries
+
+__all__ = ["COCO_THRESHOLDS", "Collection", "ThresholdScores", "collect", "score_collection"]
+
+COCO_THRESHOLDS = tuple(round(0.5 + 0.05 * step, 2) for step in range(10))
+# COCO takes every detected key-point at its coordinates; nothing is similar to a point this far away.
+NOT_FOUND = -1e6
+Kind = Literal["segm", "keypoints"]
+
+
+@dataclass(frozen=True, eq=False)
+class Collection:
+    """Annotations and detections of a set of images as COCO entries; category ids are class + 1.
+
+    Parameters
+    ----------
+    images, truths, detections
+        COCO dictionaries, masks as compressed run lengths.
+    """
+
+    images: list[dict[str, Any]]
+    truths: list[dict[str, Any]]
+    detections: list[dict[str, Any]]
+
+    @staticmethod
+    def count(entries: Sequence[dict[str, Any]], berry_class: int | None) -> int:
+        """How many entries are of a class; all of them for None."""
+        return sum(berry_class is None or entry["category_id"] == berry_class + 1 for entry in entries)
+
+
+@dataclass(frozen=True, slots=True)
+class ThresholdScores:
+    """Average precision by threshold, and AP and recall averaged over .50:.05:.95; NaN without annotations."""
+
+    ap: dict[float, float]
+    ap_mean: float
+    ar: float
+
+
+def collect(truth: Iterable[Strawberries], predicted: Iterable[Strawberries]) -> Collection:
+    """Turn two series of images' berries into COCO entries, one image at a time.
+
+    Raises
+    ------
+    ShapeError
+        If the series differ in length or image sizes, or berries lack masks.
+    """
+    collection = Collection([], [], [])
+    for index, (annotated, found) in enumerate(zip_longest(truth, predicted)):
+        if annotated is None or found is None:
+            raise ShapeError(
+                f"evaluation: only one of truth and predicted has an image {index}; give as many of both"
+            )
+        if annotated.image_size != found.image_size:
+            raise ShapeError(
+                f"evaluation: image {index} is {annotated.image_size} in truth, {found.image_size} in predicted"
+            )
+        height, width = annotated.image_size
+        collection.images.append({"id": index + 1, "height": height, "width": width})
+        for berries, entries in ((annotated, collection.truths), (found, collection.detections)):
+            for berry in range(len(berries)):
+                entries.append(_entry(berries, berry, index + 1, len(entries) + 1))
+    return collection
+
+
+def _entry(berries: Strawberries, berry: int, image_id: int, entry_id: int) -> dict[str, Any]:
+    from faster_coco_eval.core import mask as run_lengths
+
+    if berries.masks is None:
+        raise ShapeError(
+            f"evaluation: the berries of image {image_id - 1} have no masks; average precision needs them"
+        )
+    mask: NDArray[np.bool_] = np.asarray(berries.masks[berry])
+    left, top, right, bottom = berries.boxes[berry].tolist()
+    entry: dict[str, Any] = {
+        "id": entry_id,
+        "image_id": image_id,
+        "category_id": int(berries.classes[berry]) + 1,
+        "segmentation": run_lengths.encode(np.asfortranarray(mask, dtype=np.uint8)),
+        "bbox": [left, top, right - left, bottom - top],
+        "area": int(mask.sum()),
+        "iscrowd": 0,
+        "score": float(berries.scores[berry]),
+        "keypoints": [0.0] * (3 * len(KEYPOINTS)),
+        "num_keypoints": 0,
+    }
+    if berries.keypoints is not None and berries.visibility is not None:
+        known = np.isfinite(berries.keypoints[berry]).all(axis=1)
+        flags = np.minimum(berries.visibility[berry], 2) * known
+        points = np.where(known[:, None], berries.keypoints[berry], NOT_FOUND)
+        entry["keypoints"] = np.column_stack((points, flags)).ravel().tolist()
+        entry["num_keypoints"] = int((flags > 0).sum())
+    return entry
+
+
+def score_collection(
+    collection: Collection,
+    kind: Kind,
+    thresholds: Sequence[float],
+    sigmas: Sequence[float],
+    most_detections: int,
+    *,
+    merged: bool,
+) -> list[ThresholdScores]:
+    """Scores of each class, or with ``merged`` of all berries as one class.
+
+    Parameters
+    ----------
+    collection
+        What :func:`collect` gave.
+    kind
+        ``segm`` compares masks by IoU, ``keypoints`` points by OKS.
+    thresholds
+        Where average precision is told.
+    sigmas
+        (5,) COCO's σ by key-point.
+    most_detections
+        Detections an image and class that count.
+    """
+    categories = (
+        [{"id": 1, "name": "berry"}] if merged else [{"id": k + 1, "name": c} for k, c in enumerate(CLASSES)]
+    )
+    evaluated = tuple(sorted({*COCO_THRESHOLDS, *thresholds}))
+    if not collection.truths or (
+        kind == "keypoints" and not any(t["num_keypoints"] for t in collection.truths)
+    ):
+        empty = ThresholdScores(dict.fromkeys(thresholds, math.nan), math.nan, math.nan)
+        return [empty] * len(categories)
+    precision, recall = _tables(collection, kind, evaluated, sigmas, most_detections, categories)
+    positions = {threshold: evaluated.index(threshold) for threshold in evaluated}
+    standard = [positions[threshold] for threshold in COCO_THRESHOLDS]
+    return [
+        ThresholdScores(
+            ap={t: _average(precision[positions[t], :, k]) for t in thresholds},
+            ap_mean=_average(precision[standard, :, k]),
+            ar=_average(recall[standard, k]),
+        )
+        for k in range(len(categories))
+    ]
+
+
+def _tables(
+    collection: Collection,
+    kind: Kind,
+    thresholds: Sequence[float],
+    sigmas: Sequence[float],
+    most_detections: int,
+    categories: list[dict[str, Any]],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Precision (threshold, recall step, class) and recall (threshold, class); −1 where nothing is annotated."""
+    from faster_coco_eval import COCO, COCOeval_faster
+
+    merged = len(categories) == 1
+
+    def copies(entries: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        # The evaluation writes into the entries it is given.
+        return [{**entry, "category_id": 1} if merged else dict(entry) for entry in entries]
+
+    annotated = COCO(
+        {"images": collection.images, "annotations": copies(collection.truths), "categories": categories}
+    )
+    found = annotated.loadRes(copies(collection.detections))
+    evaluation = COCOeval_faster(annotated, found, iouType=kind, kpt_oks_sigmas=list(sigmas))
+    evaluation.params.iouThrs = np.array(thresholds)
+    evaluation.params.maxDets = [most_detections]
+    evaluation.params.areaRng = [[0, 1e10]]
+    evaluation.params.areaRngLbl = ["all"]
+    evaluation.evaluate()
+    evaluation.accumulate()
+    precision = np.asarray(evaluation.eval["precision"], dtype=np.float64)
+    recall = np.asarray(evaluation.eval["recall"], dtype=np.float64)
+    return precision[:, :, :, 0, 0], recall[:, :, 0, 0]
+
+
+def _average(values: NDArray[np.float64]) -> float:
+    known = values[values > -1]
+    return float(known.mean()) if known.size else math.nan
