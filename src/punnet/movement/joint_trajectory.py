@@ -121,7 +121,7 @@ class JointTrajectory:
         return np.asarray(values, dtype=np.float64)
 
     def resample(self, time_step: float) -> JointTrajectory:
-        """Points every ``time_step`` seconds; a duration that is no multiple of it ends with a shorter step."""
+        """Points every ``time_step`` seconds; the last step is shorter if the duration is no multiple."""
         if not time_step > 0:
             raise ShapeError(f"trajectory: time_step must be positive seconds, got {time_step}")
         count = max(1, int(np.ceil(self.duration / time_step - 1e-9)))
@@ -168,7 +168,7 @@ class JointTrajectory:
         return cls(np.concatenate(times), **arrays, joint_names=trajectories[0].joint_names)
 
     def to_json(self) -> dict[str, Any]:
-        """Return ``joint_names`` and ``points`` as ``trajectory_msgs/JointTrajectory`` has them, times in ns."""
+        """Return ``joint_names`` and ``points`` as ``trajectory_msgs/JointTrajectory`` has them."""
         points = []
         for i, time in enumerate(self.times):
             seconds, nanoseconds = divmod(round(float(time) * NANOSECONDS), NANOSECONDS)

@@ -1,12 +1,12 @@
-"""From a joint path without time to a trajectory that a real arm may execute: rest to rest, within its limits.
+"""From a joint path without time to a trajectory that an arm may execute: rest to rest, within limits.
 
-1. The path is rounded to a quintic B-spline (C⁴, so even jerk is continuous along it) whose control points lie
-   on the path: the curve stays in the hull of the path, so it can't overshoot a joint limit, and starts and ends
-   exactly where the path does.
+1. The path is rounded to a quintic B-spline (C⁴, so even jerk is continuous along it) whose control
+   points lie on the path: the curve stays in the hull of the path, so it can't overshoot a joint limit,
+   and starts and ends exactly where the path does.
 2. The place x on the path follows a jerk-limited profile (ruckig). Its bounds come from
    ``q̇ = q'ẋ``, ``q̈ = q''ẋ² + q'ẍ``, ``q⃛ = q'''ẋ³ + 3q''ẋẍ + q'x⃛`` at their largest along the path.
-3. The sampled trajectory is verified between its samples too, and stretched in time until velocity, acceleration
-   and jerk hold: by a factor k they fall by k, k² and k³.
+3. The sampled trajectory is verified between its samples too, and stretched in time until velocity,
+   acceleration and jerk hold: by a factor k they fall by k, k² and k³.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def retime(
     time_step: float = 0.01,
     tolerance: float = 0.005,
 ) -> JointTrajectory:
-    """Give a joint path its time: from rest to rest, within position, velocity, acceleration and jerk limits.
+    """Give a joint path its time: rest to rest, within position, velocity, acceleration and jerk limits.
 
     Parameters
     ----------
@@ -115,7 +115,8 @@ def retime(
     Returns
     -------
     JointTrajectory
-        With velocities and accelerations. Its own interpolation (quintic Hermite) holds the limits everywhere.
+        With velocities and accelerations. Its own interpolation (quintic Hermite) holds the limits
+        everywhere.
 
     Raises
     ------

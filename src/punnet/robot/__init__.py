@@ -1,6 +1,8 @@
 """The arm: the Robot protocol, where the picker sits, and the Panda's kinematics."""
 
+from punnet.robot.nearest import nearest_solution, nearest_solutions
 from punnet.robot.panda import HOME, JOINT_NAMES, PANDA_LIMITS, PANDA_TORQUE, Panda
+from punnet.robot.path import follow_path
 from punnet.robot.protocol import CutResult, GripResult, MotionResult, Robot
 from punnet.robot.tool import BLADE_ABOVE_GRIP, T_FLANGE_CAMERA, T_FLANGE_TOOL
 
@@ -17,4 +19,7 @@ __all__ = [
     "MotionResult",
     "Panda",
     "Robot",
+    "follow_path",
+    "nearest_solution",
+    "nearest_solutions",
 ]

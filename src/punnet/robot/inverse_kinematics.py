@@ -1,16 +1,16 @@
 """Analytic inverse kinematics of the Panda, with the last joint as the free parameter.
 
-Seven joints for six coordinates: a flange pose and q7 leave finitely many arms. With q7 known the wrist W (where the
-axes of joints 5 and 6 meet) and frame 6 are known. The shoulder S (axes of joints 1–3), the elbow E (origin of
-frame 4) and W form a triangle in a plane normal to joint 4's axis:
+Seven joints for six coordinates: a flange pose and q7 leave finitely many arms. With q7 known the wrist W
+(where the axes of joints 5 and 6 meet) and frame 6 are known. The shoulder S (axes of joints 1–3), the
+elbow E (origin of frame 4) and W form a triangle in a plane normal to joint 4's axis:
 
-* its side |SW| gives q4 by the law of cosines: two elbows, of which the second lies within the limits only for a
-  nearly stretched arm (q4 above −0.47 rad);
+* its side |SW| gives q4 by the law of cosines: two elbows, of which the second lies within the limits
+  only for a nearly stretched arm (q4 above −0.47 rad);
 * the forearm z5 lies in the plane of x6 and y6 and makes a known angle with WS: two solutions for q6;
 * z5, W and S give E, its plane and so frame 4; frames 3 and 5 follow by undoing q4 and q6, hence q5;
 * the direction of the upper arm z3 is (s2 c1, s2 s1, c2): two solutions for (q1, q2), and q3 follows.
 
-Branch ``4 · elbow + 2 · wrist + shoulder`` of the eight. Everything here is batched: shapes broadcast as in NumPy.
+Branch ``4 · elbow + 2 · wrist + shoulder`` of the eight. Everything here is batched: shapes broadcast.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ UPPER_SIDE = float(np.hypot(UPPER_ARM, ELBOW_OFFSET))
 LOWER_SIDE = float(np.hypot(FOREARM, ELBOW_OFFSET))
 # Angle from ES to EW in joint 4's plane at q4 = 0.
 ELBOW_ZERO = float(np.arctan2(FOREARM, -ELBOW_OFFSET) - np.arctan2(-UPPER_ARM, -ELBOW_OFFSET))
-# The second elbow has q4 = 2π − ELBOW_ZERO − γ; below this γ it lies above q4 = 0.1, outside any Panda's limits.
+# The second elbow has q4 = 2π − ELBOW_ZERO − γ; below this γ it lies above q4 = 0.1, outside the limits.
 SECOND_ELBOW = 2 * np.pi - ELBOW_ZERO - 0.1
 
-# The sweep of q7: points, poses at a time; then local minima to search around, points and rounds of each search.
+# The sweep of q7: points, poses at a time; then local minima to search around, points and rounds of each.
 SWEEP = 40
 SWEEP_BATCH = 500
 DIPS = 8
@@ -91,8 +91,9 @@ def solve(
 def branches(T_base_flange: ArrayLike, q7: ArrayLike) -> tuple[Array, Array]:
     """Branches (..., 8, 7) without regard to limits, and how far (..., 8) each is from existing.
 
-    Where a triangle can't be closed the nearest flat one is taken and its overshoot (of a cosine beyond 1) returned;
-    a small overshoot means that a solution lies close by. Joints are wrapped into the period that holds the limits.
+    Where a triangle can't be closed the nearest flat one is taken and its overshoot (of a cosine beyond 1)
+    returned; a small overshoot means that a solution lies close by. Branches that can't be anywhere near the
+    limits have an infinite overshoot. Joints are wrapped into the period that holds the limits.
     """
     T = np.asarray(T_base_flange, dtype=np.float64)
     q7 = np.asarray(q7, dtype=np.float64)
@@ -192,8 +193,8 @@ def _shoulder(x3: Array, z3: Array) -> tuple[Array, Array, Array]:
 def solve_any(T_base_flange: ArrayLike, *, limits: JointLimits = PANDA_LIMITS, margin: float = 0.0) -> Array:
     """One arm for each pose: of a sweep over q7 the one farthest from its limits, NaN where none was found.
 
-    Where the sweep finds nothing it is refined: the q7 that come closest to a solution are searched around, so that
-    solutions that exist for a sliver of q7 only are found too.
+    Where the sweep finds nothing it is refined: the q7 that come closest to a solution are searched
+    around, so that solutions that exist for a sliver of q7 only are found too.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """The Franka Emika Panda: geometry, limits, forward kinematics and Jacobian, vectorised over joint vectors.
 
-Modified (Craig) Denavit–Hartenberg parameters and limits are those that the maker publishes with libfranka ("Robot
-and interface specifications"). The FR3 has the same geometry.
+Modified (Craig) Denavit–Hartenberg parameters and limits are those that the maker publishes with libfranka
+("Robot and interface specifications"). The FR3 has the same geometry.
 
 =====  ========  ========  ======
 link   a (m)     d (m)     α (rad)
@@ -147,7 +147,7 @@ class Panda:
         return np.asarray(np.minimum(q - self.limits.lower, self.limits.upper - q).min(axis=-1))
 
     def within_limits(self, joints: ArrayLike, margin: float = 0.0) -> NDArray[np.bool_]:
-        """Whether joints (..., 7) keep at least ``margin`` radians from every position limit; NaN does not."""
+        """Whether joints (..., 7) keep at least ``margin`` radians from every position limit; not if NaN."""
         return np.asarray(self.limit_margin(joints) >= margin)
 
 
@@ -164,7 +164,7 @@ def _link_frames(q: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], ...]
     shape = (3, *q.shape[:-1])
     x, y, z, p = (np.zeros(shape) for _ in range(4))
     x[0] = y[1] = z[2] = 1.0
-    frames = []
+    frames: list[tuple[NDArray[np.float64], ...]] = []
     for joint, (turns, length, offset) in enumerate(
         zip(QUARTER_TURNS, LINK_LENGTHS, LINK_OFFSETS, strict=True)
     ):

@@ -1,0 +1,97 @@
+"""Of all arms that hold a pose, the one nearest to given joints."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from punnet.errors import KinematicsError, ShapeError
+from punnet.geometry import is_transform
+from punnet.robot.inverse_kinematics import solve, solve_any
+from punnet.robot.panda import Panda
+
+__all__ = ["MARGIN", "nearest_solution", "nearest_solutions"]
+
+Array = NDArray[np.float64]
+
+MARGIN = 0.03
+"""Radians that solutions keep from the joint limits unless told otherwise."""
+
+SWEEP = 48
+ZOOM = np.linspace(-1.0, 1.0, 9)
+ZOOM_ROUNDS = 3
+
+
+def nearest_solutions(
+    T_base_flange: ArrayLike, reference: ArrayLike, *, arm: Panda | None = None, margin: float = MARGIN
+) -> Array:
+    """Joints (N, 7) for poses (N, 4, 4), each the nearest to ``reference`` (7,); NaN where none was found.
+
+    Nearest in the Euclidean sense, over a sweep of q7 and then a search around the best.
+
+    Parameters
+    ----------
+    T_base_flange
+        Poses (N, 4, 4) in metres, base frame.
+    reference
+        Joints (7,) to stay close to.
+    arm
+        For its limits; the Panda if None.
+    margin
+        Radians to keep from the limits.
+    """
+    arm = arm or Panda()
+    poses = np.asarray(T_base_flange, dtype=np.float64)
+    reference = np.asarray(reference, dtype=np.float64)
+    if poses.ndim != 3 or poses.shape[1:] != (4, 4) or reference.shape != (7,):
+        raise ShapeError(
+            f"nearest: need poses (N, 4, 4) and joints (7,), got {poses.shape}, {reference.shape}"
+        )
+    lower, upper = arm.limits.lower[6] + margin, arm.limits.upper[6] - margin
+    sweep = np.append(np.linspace(lower, upper, SWEEP), np.clip(reference[6], lower, upper))
+    grid = np.broadcast_to(sweep, (len(poses), len(sweep)))
+    step = (upper - lower) / (SWEEP - 1)
+    best = np.full((len(poses), 7), np.nan)
+    nearest = np.full(len(poses), np.inf)
+    rows = np.arange(len(poses))
+    for _ in range(ZOOM_ROUNDS + 1):
+        joints = solve(poses[:, None], grid, limits=arm.limits, margin=margin).reshape(len(poses), -1, 7)
+        distance = np.square(joints - reference).sum(axis=-1)
+        distance[np.isnan(distance)] = np.inf
+        first = np.argmin(distance, axis=1)
+        better = distance[rows, first] < nearest
+        best[better] = joints[rows, first][better]
+        nearest[better] = distance[rows, first][better]
+        grid = np.clip(np.nan_to_num(best[:, 6])[:, None] + step * ZOOM, lower, upper)
+        step *= 2.0 / (len(ZOOM) - 1)
+    return np.asarray(best)
+
+
+def nearest_solution(
+    T_base_flange: ArrayLike, reference: ArrayLike, *, arm: Panda | None = None, margin: float = MARGIN
+) -> Array:
+    """Joints (7,) for one pose (4, 4), the solution nearest to ``reference`` (7,).
+
+    Parameters are those of :func:`nearest_solutions`.
+
+    Raises
+    ------
+    KinematicsError
+        If the pose can't be reached inside the limits and their margin.
+    ShapeError
+        If the pose is not a rigid transform.
+    """
+    arm = arm or Panda()
+    T = np.asarray(T_base_flange, dtype=np.float64)
+    if not is_transform(T):
+        raise ShapeError(f"nearest_solution: T_base_flange is not a 4×4 rigid transform, got shape {T.shape}")
+    joints = nearest_solutions(T[None], reference, arm=arm, margin=margin)[0]
+    if np.isnan(joints).any():
+        joints = solve_any(T, limits=arm.limits, margin=margin)
+    if np.isnan(joints).any():
+        x, y, z = T[:3, 3]
+        raise KinematicsError(
+            f"flange at ({x:.3f}, {y:.3f}, {z:.3f}) m can't be reached "
+            f"inside the joint limits less {margin} rad"
+        )
+    return np.asarray(joints)
