@@ -130,11 +130,14 @@ class Panda:
         q = _joints(joints)
         frames = _link_frames(q)
         end = frames[-1][3] + FLANGE_LENGTH * frames[-1][2]
-        J = np.empty((*q.shape[:-1], 6, 7))
-        for joint, (_, _, axis, origin) in enumerate(frames):
-            J[..., :3, joint] = np.moveaxis(np.cross(axis, end - origin, axis=0), 0, -1)
-            J[..., 3:, joint] = np.moveaxis(axis, 0, -1)
-        return J
+        axis = np.stack([frame[2] for frame in frames], axis=1)  # (3, 7, ...)
+        lever = end[:, None] - np.stack([frame[3] for frame in frames], axis=1)
+        J = np.empty((6, 7, *q.shape[:-1]))
+        J[0] = axis[1] * lever[2] - axis[2] * lever[1]
+        J[1] = axis[2] * lever[0] - axis[0] * lever[2]
+        J[2] = axis[0] * lever[1] - axis[1] * lever[0]
+        J[3:] = axis
+        return np.moveaxis(J, (0, 1), (-2, -1))
 
     def manipulability(self, joints: ArrayLike) -> NDArray[np.float64]:
         """Yoshikawa's measure √det(J Jᵀ) (...) of the flange; 0 at a singularity, about 0.06 at home."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from punnet.errors import KinematicsError, ShapeError
-from punnet.geometry import is_transform, pose_error
+from punnet.geometry import pose_error
 from punnet.robot.nearest import MARGIN, nearest_solution
 from punnet.robot.panda import Panda
 from punnet.robot.projection import projected, relaxed
@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 STRIDE = 5
 """The first sweep looks at every fifth pose."""
 SLACK = 1e-6
+RIGID = 1e-6
 METRES_PER_RADIAN = 0.5
 """Weight of turning against moving in how far along the path a pose is."""
 
@@ -109,15 +110,24 @@ def _validated(T_base_flange: ArrayLike, start: ArrayLike | None) -> tuple[Array
     poses = np.asarray(T_base_flange, dtype=np.float64)
     if poses.ndim != 3 or poses.shape[1:] != (4, 4) or len(poses) == 0:
         raise ShapeError(f"follow_path: poses must be (T ≥ 1, 4, 4), got {poses.shape}")
-    bad = [i for i, T in enumerate(poses) if not is_transform(T)]
-    if bad:
-        raise ShapeError(f"follow_path: pose {bad[0]} is not a rigid transform")
+    rigid = _rigid(poses)
+    if not rigid.all():
+        raise ShapeError(f"follow_path: pose {int(np.argmin(rigid))} is not a rigid transform")
     if start is None:
         return poses, None
     home = np.asarray(start, dtype=np.float64)
     if home.shape != (7,) or not np.isfinite(home).all():
         raise ShapeError(f"follow_path: start must be seven finite joints, got {home.shape}")
     return poses, home
+
+
+def _rigid(poses: Array) -> NDArray[np.bool_]:
+    """Which poses (T, 4, 4) are rigid transforms."""
+    R = poses[:, :3, :3]
+    skew = np.abs(R @ np.swapaxes(R, 1, 2) - np.eye(3)).max(axis=(1, 2))
+    last_row = np.abs(poses[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(axis=1)
+    with np.errstate(invalid="ignore"):
+        return np.asarray((skew < RIGID) & (last_row < RIGID) & (np.linalg.det(R) > 0))
 
 
 def _completed(request: PathRequest, guess: Array) -> Array:

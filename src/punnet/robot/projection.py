@@ -54,7 +54,10 @@ def projected(arm: Panda, joints: Array, poses: Array) -> Array:
 
 def _pose_error(T: Array, wanted: Array) -> Array:
     """Find the translation and rotation (N, 6), base frame, that take T (N, 4, 4) to what is wanted."""
-    turn = np.cross(T[:, :3, :3], wanted[:, :3, :3], axis=1).sum(axis=2) / 2
+    # Half the sum over the axes of (axis × wanted axis): the antisymmetric part of R_wanted Rᵀ.
+    relative = wanted[:, :3, :3] @ np.swapaxes(T[:, :3, :3], 1, 2)
+    antisymmetric = (relative - np.swapaxes(relative, 1, 2)) / 2
+    turn = antisymmetric[:, (2, 0, 1), (1, 2, 0)]
     return np.concatenate((wanted[:, :3, 3] - T[:, :3, 3], turn), axis=1)
 
 
