@@ -1,1 +1,7 @@
-"""TODO."""
+"""Planning: from what a camera saw and a target berry to a distribution of reaches."""
+
+from punnet.planning.planner import Planner
+from punnet.planning.plot import plot_distribution
+from punnet.planning.promp_depth import APPROACH_DISTANCE, APPROACH_PHASE, ProMPDepthPlanner
+
+__all__ = ["APPROACH_DISTANCE", "APPROACH_PHASE", "Planner", "ProMPDepthPlanner", "plot_distribution"]

@@ -1,0 +1,207 @@
+"""Simulated demonstrations of reach-to-pick, by the thesis' protocol (section 6.1), kinematically.
+
+For each of 25 berry positions the arm reaches 10 times from home. As in the thesis the repeats differ by a random
+via-point and by the final orientation; here the elbow varies too, as it does between human demonstrations. Every
+reach ends with a straight approach along the tool's z axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
+
+from punnet.errors import ConfigurationError, ShapeError
+from punnet.planning.approach import approach_poses, approach_rotation, comfortable_angles
+from punnet.planning.likely_joints import likely_joints
+from punnet.planning.promp_depth import APPROACH_DISTANCE, APPROACH_PHASE
+from punnet.robot import HOME, Panda
+
+__all__ = ["WORKSPACE", "Demonstrations", "simulate_demonstrations"]
+
+WORKSPACE: NDArray[np.float64] = np.array([[0.70, -0.22, 0.58], [0.80, 0.18, 0.86]])
+"""Lower and upper corner (2, 3) of the box that grip points are drawn from, metres in the base frame."""
+
+ORIENTATION_STD = np.deg2rad([6.0, 3.5, 2.5])  # yaw, pitch, roll of the tool at the berry
+PITCH_RANGE = np.deg2rad([-15.0, 10.0])
+# The posture that the arm tends to: how willing each joint is to leave it, and how much it differs between reaches.
+POSTURE_COVARIANCE = np.diag(np.square([0.2, 0.4, 0.2, 0.5, 0.3, 0.4, 0.5]))
+POSTURE_STD = np.array([0.06, 0.12, 0.06, 0.15, 0.10, 0.12, 0.15])
+VIA_POSITION_STD = 0.03  # metres
+VIA_ORIENTATION_STD = np.deg2rad(5.0)
+VIA_ELBOW_STD = 0.1  # radians
+VIA_PHASE_RANGE = (0.3, 0.42)
+LIMIT_MARGIN = 0.12  # radians
+SMALLEST_MANIPULABILITY = 0.01
+LARGEST_STEP = 0.06  # radians between neighbours on the approach; more is a change of posture on the way
+TOOL_SPEED = 0.12  # metres per second on average, which gives a demonstration its duration
+APPROACH_STEPS = 16
+ATTEMPTS = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstrations:
+    """n reaches of T instants each.
+
+    Parameters
+    ----------
+    joints
+        (n, T, 7) radians, evenly sampled in phase.
+    targets
+        (n, 3) grip points in the base frame, metres.
+    configuration
+        (n,) index of the berry position; repeats share it. Split by it, never across it.
+    durations
+        (n,) seconds.
+
+    Raises
+    ------
+    ShapeError
+        If the arrays do not fit each other.
+    """
+
+    joints: NDArray[np.float64]
+    targets: NDArray[np.float64]
+    configuration: NDArray[np.int64]
+    durations: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        n = len(self.joints)
+        if self.joints.ndim != 3 or self.joints.shape[2] != 7:
+            raise ShapeError(f"demonstrations: joints must be (n, T, 7), got {self.joints.shape}")
+        for name, shape in (("targets", (n, 3)), ("configuration", (n,)), ("durations", (n,))):
+            if getattr(self, name).shape != shape:
+                raise ShapeError(f"demonstrations: {name} must be {shape}, got {getattr(self, name).shape}")
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+    def select(self, chosen: ArrayLike) -> Demonstrations:
+        """Those at an index array or boolean mask."""
+        index = np.asarray(chosen)
+        return Demonstrations(
+            self.joints[index], self.targets[index], self.configuration[index], self.durations[index]
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON; joints rounded to a microradian."""
+        return {
+            "schema": "punnet-demonstrations/1",
+            "joints": np.round(self.joints, 6).tolist(),
+            "targets": self.targets.tolist(),
+            "configuration": self.configuration.tolist(),
+            "durations": self.durations.tolist(),
+        }
+
+
+def simulate_demonstrations(
+    rng: np.random.Generator,
+    configurations: int = 25,
+    repeats: int = 10,
+    samples: int = 150,
+    *,
+    arm: Panda | None = None,
+) -> Demonstrations:
+    """Demonstrate reaches to random berries.
+
+    Parameters
+    ----------
+    rng
+        Source of all randomness.
+    configurations, repeats
+        Berry positions, and reaches to each.
+    samples
+        Instants T of each reach.
+    arm
+        The arm with its tool; the Panda with our picker if not given.
+
+    Raises
+    ------
+    ConfigurationError
+        If a count is too small, or the arm can't reach a position in any of many attempts.
+    """
+    if configurations < 1 or repeats < 1 or samples < 2:
+        raise ConfigurationError(
+            f"demonstrations: configurations and repeats must be ≥ 1 and samples ≥ 2, "
+            f"got {configurations}, {repeats}, {samples}"
+        )
+    arm = Panda() if arm is None else arm
+    centres = rng.uniform(*WORKSPACE, size=(configurations, 3))
+    targets = np.repeat(centres, repeats, axis=0)
+    joints = _reaches(rng, arm, targets, np.linspace(0.0, 1.0, samples))
+    return Demonstrations(
+        joints=joints,
+        targets=targets,
+        configuration=np.repeat(np.arange(configurations), repeats),
+        durations=_durations(arm, joints),
+    )
+
+
+def _reaches(
+    rng: np.random.Generator, arm: Panda, targets: NDArray[np.float64], phase: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """One reach (T, 7) to each target (n, 3); those that strain the arm are drawn again."""
+    reaches = np.zeros((len(targets), len(phase), 7))
+    missing = np.arange(len(targets))
+    for _ in range(ATTEMPTS):
+        approaches = _approaches(rng, arm, targets[missing])
+        followed = np.isfinite(approaches).all(axis=(1, 2))
+        approaches = approaches[followed]
+        drawn = np.array([_join(rng, arm, approach, phase) for approach in approaches]).reshape(
+            -1, len(phase), 7
+        )
+        easy = (arm.manipulability(approaches) > SMALLEST_MANIPULABILITY).all(axis=1)
+        smooth = (np.abs(np.diff(approaches, axis=1)) < LARGEST_STEP).all(axis=(1, 2))
+        good = easy & smooth & arm.within_limits(drawn, LIMIT_MARGIN).all(axis=1)
+        done = missing[followed][good]
+        reaches[done] = drawn[good]
+        missing = np.setdiff1d(missing, done)
+        if len(missing) == 0:
+            return reaches
+    raise ConfigurationError(
+        f"demonstrations: no comfortable reach to {np.round(targets[missing[0]], 3)} in {ATTEMPTS} attempts"
+    )
+
+
+def _approaches(rng: np.random.Generator, arm: Panda, targets: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Joints (n, S, 7) along straight approaches of random orientation; NaN where the arm can't follow."""
+    yaw, pitch = comfortable_angles(targets)
+    noise = rng.normal(0.0, ORIENTATION_STD, (len(targets), 3))
+    rotations = approach_rotation(yaw + noise[:, 0], np.clip(pitch + noise[:, 1], *PITCH_RANGE), noise[:, 2])
+    poses = approach_poses(targets, rotations, np.linspace(APPROACH_DISTANCE, 0.0, APPROACH_STEPS))
+    postures = HOME + rng.normal(0.0, POSTURE_STD, (len(targets), 7))
+    return likely_joints(arm, poses, postures[:, None], POSTURE_COVARIANCE)[0]
+
+
+def _join(
+    rng: np.random.Generator, arm: Panda, approach: NDArray[np.float64], phase: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Reach (T, 7) from home over a random via-point to the approach, which slows down evenly until it stops."""
+    along = CubicSpline(
+        np.linspace(0.0, 1.0, len(approach)), approach
+    )  # over the share of the distance covered
+    length = 1.0 - APPROACH_PHASE
+    middle = (HOME + approach[0]) / 2.0
+    J = arm.jacobian(middle)
+    twist = rng.normal(0.0, np.repeat([VIA_POSITION_STD, VIA_ORIENTATION_STD], 3))
+    inverse = np.linalg.pinv(J, rcond=0.05)
+    elbow = (np.eye(7) - inverse @ J) @ rng.normal(0.0, VIA_ELBOW_STD, 7)
+    via_phase = rng.uniform(*VIA_PHASE_RANGE)
+    entry_rate = along(0.0, 1) * 2.0 / length  # share covered is 1 − ((1 − z)/length)²
+    free = CubicSpline(
+        [0.0, via_phase, APPROACH_PHASE],
+        [HOME, middle + inverse @ twist + elbow, approach[0]],
+        bc_type=((1, np.zeros(7)), (1, entry_rate)),
+    )
+    covered = 1.0 - (np.clip(1.0 - phase, 0.0, length) / length) ** 2
+    return np.where(
+        (phase < APPROACH_PHASE)[:, None], free(np.minimum(phase, APPROACH_PHASE)), along(covered)
+    )
+
+
+def _durations(arm: Panda, joints: NDArray[np.float64]) -> NDArray[np.float64]:
+    points = arm.forward_kinematics_tool(joints)[..., :3, 3]
+    return np.asarray(np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1) / TOOL_SPEED)
