@@ -14,7 +14,7 @@ from punnet.sim.cluster import STUB_LENGTH, Cluster, HangingBerry
 from punnet.sim.foliage import Leaf, make_leaf
 from punnet.sim.layers import BERRY, COLLISION_ONLY, PLANT_VISUAL, SOFT_PLANT, TOUCHES_NOTHING
 from punnet.sim.mesh import Mesh
-from punnet.sim.mesh_assets import add_mesh_asset
+from punnet.sim.mesh_assets import MeshAsset, add_mesh_asset
 from punnet.sim.truss import add_truss
 
 __all__ = ["STUB_PIECES", "PlantedBerry", "add_cluster", "add_leaves"]
@@ -60,13 +60,14 @@ def _add_berry(
     body = spec.worldbody.add_body(name=name, pos=T[:3, 3], quat=_quaternion(T[:3, :3]))
     # Air and the plant's own tissue take the spin out of a berry; the armature keeps small ones stable at this time step.
     body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_FREE, damping=3e-5, armature=3e-6)
-    mesh, material = add_mesh_asset(spec, name, fruit.mesh, fruit.texture, specular=0.55, shininess=0.7)
-    _add_drawn_mesh(body, f"{name}_skin", mesh, material)
+    skin = add_mesh_asset(spec, name, fruit.mesh, fruit.texture, specular=0.55, shininess=0.7)
+    _add_drawn_mesh(body, f"{name}_skin", skin)
     calyx = make_calyx(rng, fruit.width)
-    calyx_mesh, calyx_material = add_mesh_asset(
-        spec, f"{name}_calyx", calyx, _calyx_colour(rng), specular=0.1, shininess=0.1
+    _add_drawn_mesh(
+        body,
+        f"{name}_calyx",
+        add_mesh_asset(spec, f"{name}_calyx", calyx, _calyx_colour(rng), specular=0.1, shininess=0.1),
     )
-    _add_drawn_mesh(body, f"{name}_calyx", calyx_mesh, calyx_material)
     body.add_geom(
         name=f"{name}_fruit",
         type=mujoco.mjtGeom.mjGEOM_ELLIPSOID,
@@ -94,12 +95,12 @@ def _add_berry(
     return PlantedBerry(hanging.index, name, f"{name}_fruit", f"{name}_attached", stub)
 
 
-def _add_drawn_mesh(body: mujoco.MjsBody, name: str, mesh: str, material: str) -> None:
+def _add_drawn_mesh(body: mujoco.MjsBody, name: str, asset: MeshAsset) -> None:
     body.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=mesh,
-        material=material,
+        meshname=asset.mesh,
+        material=asset.material,
         contype=TOUCHES_NOTHING[0],
         conaffinity=TOUCHES_NOTHING[1],
         group=PLANT_VISUAL,
@@ -151,39 +152,38 @@ def add_leaves(spec: mujoco.MjSpec, rng: np.random.Generator, cluster: Cluster) 
 _LEAF_SIZES = (0.055, 0.072, 0.09)
 
 
-def _leaf_assets(spec: mujoco.MjSpec, number: int, leaf: Leaf) -> list[tuple[str, str, float]]:
-    """Each variant in three sizes (a mesh can't be scaled where it is used); (mesh, material, size)."""
-    assets = []
+def _leaf_assets(spec: mujoco.MjSpec, number: int, leaf: Leaf) -> list[tuple[MeshAsset, float]]:
+    """Each variant in three sizes (a mesh can't be scaled where it is used)."""
+    assets: list[tuple[MeshAsset, float]] = []
     for which, size in enumerate(_LEAF_SIZES):
         scaled = Mesh(leaf.mesh.vertices * size, leaf.mesh.faces, leaf.mesh.uv)
-        mesh, material = add_mesh_asset(
-            spec, f"leaf{number}_{which}", scaled, leaf.texture, specular=0.12, shininess=0.3
-        )
-        assets.append((mesh, material, size))
+        name = f"leaf{number}_{which}"
+        look = leaf.texture if which == 0 else assets[0][0].material
+        assets.append((add_mesh_asset(spec, name, scaled, look, specular=0.12, shininess=0.3), size))
     return assets
 
 
 def _add_canopy_leaf(
-    spec: mujoco.MjSpec, rng: np.random.Generator, name: str, sizes: list[tuple[str, str, float]]
+    spec: mujoco.MjSpec, rng: np.random.Generator, name: str, sizes: list[tuple[MeshAsset, float]]
 ) -> None:
     crown = np.array([rng.uniform(0.86, 0.93), rng.uniform(-0.5, 0.45), 0.985])
     azimuth = rng.uniform(0.0, 2.0 * np.pi)
     reach = rng.uniform(0.05, 0.17)
     tip = crown + np.array([np.cos(azimuth) * reach, np.sin(azimuth) * reach, rng.uniform(0.03, 0.20)])
-    mesh, material, _ = sizes[rng.integers(len(sizes))]
+    asset, _ = sizes[rng.integers(len(sizes))]
     _add_petiole(spec.worldbody, name, crown, tip)
     pose = _leaf_pose(azimuth, droop=rng.uniform(-0.1, 0.9), roll=rng.normal(0.0, 0.35))
     body = spec.worldbody.add_body(name=name, pos=tip, quat=_quaternion(pose))
-    _add_drawn_mesh(body, name, mesh, material)
+    _add_drawn_mesh(body, name, asset)
 
 
 def _add_hanging_leaf(
-    spec: mujoco.MjSpec, rng: np.random.Generator, name: str, sizes: list[tuple[str, str, float]]
+    spec: mujoco.MjSpec, rng: np.random.Generator, name: str, sizes: list[tuple[MeshAsset, float]]
 ) -> None:
     lip = np.array([0.80, rng.uniform(-0.33, 0.28), rng.uniform(0.905, 0.93)])
     azimuth = np.pi + rng.normal(0.0, 0.7)
     tip = lip + np.array([rng.uniform(-0.05, 0.02), rng.normal(0.0, 0.03), -rng.uniform(0.01, 0.11)])
-    mesh, material, size = sizes[rng.integers(len(sizes))]
+    asset, size = sizes[rng.integers(len(sizes))]
     _add_petiole(spec.worldbody, name, lip, tip)
     pose = _leaf_pose(azimuth, droop=rng.uniform(0.7, 1.4), roll=rng.normal(0.0, 0.4))
     body = spec.worldbody.add_body(name=name, pos=tip, quat=_quaternion(pose))
@@ -196,7 +196,7 @@ def _add_hanging_leaf(
             damping=0.0006,
             armature=2e-6,
         )
-    _add_drawn_mesh(body, name, mesh, material)
+    _add_drawn_mesh(body, name, asset)
     body.add_geom(
         name=f"{name}_touch",
         type=mujoco.mjtGeom.mjGEOM_BOX,

@@ -22,7 +22,7 @@ __all__ = ["OVERVIEW_CAMERA", "World", "WorldConfig", "build_world"]
 
 OVERVIEW_CAMERA = "overview"
 TIME_STEP = 0.002
-_SETTLING_TIME = 0.5
+_SETTLING_TIME = 1.0
 
 
 @dataclass(frozen=True)
@@ -158,8 +158,8 @@ def _set_camera(spec: mujoco.MjSpec) -> None:
     camera.fovy = float(np.degrees(2.0 * np.arctan(480 / 2.0 / 615.0)))
     spec.visual.global_.offwidth = 1280
     spec.visual.global_.offheight = 960
-    overview = spec.worldbody.add_camera(name=OVERVIEW_CAMERA, pos=(-0.05, -1.05, 1.02), fovy=45.0)
-    overview.quat = _looking_from((-0.05, -1.05, 1.02), (0.52, 0.02, 0.62))
+    overview = spec.worldbody.add_camera(name=OVERVIEW_CAMERA, pos=(0.02, -1.12, 0.98), fovy=45.0)
+    overview.quat = _looking_from((0.02, -1.12, 0.98), (0.44, 0.0, 0.60))
 
 
 def _looking_from(position: tuple[float, float, float], at: tuple[float, float, float]) -> NDArray[np.float64]:

@@ -1,0 +1,51 @@
+"""Settings of the harvest loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from punnet.errors import ConfigurationError
+
+__all__ = ["HarvestConfig"]
+
+
+@dataclass(frozen=True)
+class HarvestConfig:
+    """How the loop moves and when it gives up.
+
+    Parameters
+    ----------
+    speed
+        Share of the arm's velocity limits for free motions, in (0, 1].
+    careful_speed
+        The same while the tool is among the berries or carries one.
+    retreat
+        Metres the tool backs out along its approach before it turns to the punnet.
+    attempts
+        Tries at one berry before it is set aside.
+    same_berry
+        Metres within which picking points of two looks are the same berry.
+    most_looks
+        Looks after which the loop ends whatever it sees; a guard against endless loops.
+    separation
+        Opening of the separation fingers once the stem is between the pads, in [0, 1].
+    nominal_punnet
+        Grams that a punnet should hold.
+    """
+
+    speed: float = 0.5
+    careful_speed: float = 0.25
+    retreat: float = 0.11
+    attempts: int = 2
+    same_berry: float = 0.025
+    most_looks: int = 60
+    separation: float = 1.0
+    nominal_punnet: float = 250.0
+
+    def __post_init__(self) -> None:
+        if not (0 < self.speed <= 1 and 0 < self.careful_speed <= 1):
+            raise ConfigurationError(
+                f"harvest: speeds must lie in (0, 1], got {self.speed} and {self.careful_speed}"
+            )
+        if self.attempts < 1 or self.most_looks < 1 or self.retreat <= 0 or self.same_berry <= 0:
+            raise ConfigurationError("harvest: attempts and most_looks must be ≥ 1, retreat and same_berry > 0")

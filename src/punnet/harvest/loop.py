@@ -1,0 +1,237 @@
+"""The harvest loop: look, perceive, weigh, choose, plan, reach, separate, grip, cut, retreat, place; look again."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from punnet.errors import KinematicsError, PlanningError
+from punnet.harvest.attempts import Attempt, HarvestRun, Outcome, Phase
+from punnet.harvest.config import HarvestConfig
+from punnet.harvest.motions import Motions
+from punnet.harvest.order import picking_order
+from punnet.harvest.punnets import PunnetFiller
+from punnet.perception.detector import Detector
+from punnet.perception.picking_points import locate_picking_points
+from punnet.planning import Planner
+from punnet.robot import Panda, Robot
+from punnet.scene import Frame, Strawberries, Target
+from punnet.weight import WeightEstimator
+
+__all__ = ["Harvester", "Listener"]
+
+Listener = Callable[[str, Attempt | None], None]
+"""Told of each step: a line for a person, and the attempt it belongs to."""
+
+_EMPTY_PUNNET_NOISE = 1.0  # grams; a gain below this means that nothing fell in
+
+
+class _StepFailed(Exception):
+    """A step did not work out; carries the reason for the log. Never leaves this module."""
+
+
+@dataclass
+class _Remembered:
+    """A place where picking was tried, and how often."""
+
+    point: NDArray[np.float64]
+    tries: int
+
+
+class Harvester:
+    """Picks every pluckable berry that it can see and reach, one after another.
+
+    Parameters
+    ----------
+    robot, detector, scale, planner
+        The parts; any implementation of the protocols will do.
+    punnet_places
+        (P, 3) centre of each punnet's floor in the base frame, metres.
+    config
+        Settings.
+    listener
+        Told of each step.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        detector: Detector,
+        scale: WeightEstimator,
+        planner: Planner,
+        punnet_places: NDArray[np.float64],
+        config: HarvestConfig | None = None,
+        listener: Listener | None = None,
+    ) -> None:
+        self.config = config or HarvestConfig()
+        self._robot = robot
+        self._detector = detector
+        self._scale = scale
+        self._planner = planner
+        self._tell = listener or (lambda line, attempt: None)
+        self._motions = Motions(robot, Panda(), punnet_places, self.config)
+        self._filler = PunnetFiller(len(punnet_places), self.config.nominal_punnet)
+        self._tried: list[_Remembered] = []
+        self.run_so_far = HarvestRun()
+
+    def run(self) -> HarvestRun:
+        """Harvest until no pluckable berry is left that has not been tried often enough.
+
+        An interrupt (Ctrl-C) ends the run where it is; what was done is in the result.
+        """
+        run = self.run_so_far
+        began, clock = self._robot.time, time.perf_counter()
+        try:
+            self._motions.go_home()
+            for _ in range(self.config.most_looks):
+                frame, berries = self._look(run)
+                row = self._choose(berries)
+                if row is None:
+                    break
+                self._attempt(run, frame, berries, row)
+        except KeyboardInterrupt:
+            run.interrupted = True
+        run.punnet_weights = list(self._filler.weights)
+        run.seconds_simulated = self._robot.time - began
+        run.seconds_computing = time.perf_counter() - clock
+        return run
+
+    def _look(self, run: HarvestRun) -> tuple[Frame, Strawberries]:
+        """A frame and its berries, weighed and located."""
+        frame = self._robot.look()
+        berries = self._detector.detect(frame)
+        if np.isnan(berries.picking_points).all():
+            berries = locate_picking_points(frame, berries)
+        estimates = self._scale.estimate(frame, berries)
+        berries = berries.with_fields(weights=estimates.grams, weight_intervals=estimates.intervals)
+        if run.first_frame is None:
+            run.first_frame, run.first_berries = frame, berries
+        run.last_berries = berries
+        self._tell(f"sees {len(berries)} berries, {int(berries.pluckable.sum())} pluckable", None)
+        return frame, berries
+
+    def _choose(self, berries: Strawberries) -> int | None:
+        """The next berry that has tries left."""
+        for row in picking_order(berries):
+            if self._memory(berries.picking_points[row]).tries < self.config.attempts:
+                return int(row)
+        return None
+
+    def _memory(self, point: NDArray[np.float64]) -> _Remembered:
+        for place in self._tried:
+            if np.linalg.norm(place.point - point) < self.config.same_berry:
+                return place
+        return _Remembered(point, 0)
+
+    def _remember_try(self, point: NDArray[np.float64]) -> None:
+        place = self._memory(point)
+        if place.tries == 0:
+            self._tried.append(place)
+        place.tries += 1
+
+    def _attempt(self, run: HarvestRun, frame: Frame, berries: Strawberries, row: int) -> None:
+        low, high = berries.weight_intervals[row]
+        attempt = Attempt(
+            number=len(run.attempts) + 1,
+            frame=frame,
+            berries=berries,
+            row=row,
+            picking_point=berries.picking_points[row],
+            estimate=float(berries.weights[row]),
+            interval=(float(low), float(high)),
+        )
+        run.attempts.append(attempt)
+        self._remember_try(attempt.picking_point)
+        began, clock = self._robot.time, time.perf_counter()
+        try:
+            self._pick(attempt)
+            attempt.outcome = Outcome.PICKED
+        except _StepFailed as failure:
+            attempt.reason = str(failure)
+            if attempt.phase is Phase.PLAN:
+                attempt.outcome = Outcome.SKIPPED
+        finally:
+            attempt.seconds_simulated = self._robot.time - began
+            attempt.seconds_computing = time.perf_counter() - clock
+        self._tell(_summary(attempt), attempt)
+
+    def _pick(self, attempt: Attempt) -> None:
+        """All the steps of one pick; whatever fails, the tool ends empty, open and out of the plant."""
+        self._plan(attempt)
+        try:
+            self._reach(attempt)
+            self._separate_and_grip(attempt)
+            self._cut(attempt)
+        except _StepFailed:
+            self._motions.back_off()
+            self._motions.go_home()
+            raise
+        self._retreat_and_place(attempt)
+
+    def _plan(self, attempt: Attempt) -> None:
+        attempt.phase = Phase.PLAN
+        if self._filler.choose() is None:
+            raise _StepFailed("all punnets are full")
+        target = Target(attempt.berries.boxes[attempt.row], attempt.picking_point)
+        try:
+            attempt.distribution = self._planner.plan(attempt.frame, target, self._robot.joints())
+            self._motions.prepare(attempt.distribution)
+        except (PlanningError, KinematicsError) as error:
+            raise _StepFailed(str(error)) from error
+
+    def _reach(self, attempt: Attempt) -> None:
+        attempt.phase = Phase.REACH
+        self._tell(f"reaches for berry at {_place(attempt.picking_point)}", attempt)
+        result = self._motions.reach()
+        attempt.peak_force, attempt.touched = result.peak_force, result.touched
+        if not result.reached:
+            raise _StepFailed(result.reason or "did not arrive")
+
+    def _separate_and_grip(self, attempt: Attempt) -> None:
+        attempt.phase = Phase.SEPARATE
+        self._robot.separate(self.config.separation)
+        attempt.phase = Phase.GRIP
+        grip = self._robot.grip()
+        if not grip.holding:
+            raise _StepFailed(grip.reason or "nothing between the pads")
+
+    def _cut(self, attempt: Attempt) -> None:
+        attempt.phase = Phase.CUT
+        cut = self._robot.cut()
+        if not cut.cut:
+            raise _StepFailed(cut.reason or "the stem was not cut")
+
+    def _retreat_and_place(self, attempt: Attempt) -> None:
+        attempt.phase = Phase.RETREAT
+        punnet = self._filler.choose()
+        if punnet is None:  # ruled out when planning; a punnet can't fill up on the way
+            raise _StepFailed("all punnets are full")
+        self._robot.separate(0.0)
+        moved = self._motions.retreat()
+        attempt.phase = Phase.PLACE
+        if moved.reached:
+            moved = self._motions.carry(punnet, self._filler.counts[punnet])
+        self._robot.release()
+        gained = self._filler.observe(punnet, self._robot.weigh_punnet(punnet))
+        self._motions.go_home()
+        if gained < _EMPTY_PUNNET_NOISE:
+            self._filler.counts[punnet] -= 1
+            raise _StepFailed(moved.reason or "the berry was lost on the way to the punnet")
+        attempt.weighed, attempt.punnet = gained, punnet
+
+
+def _place(point: NDArray[np.float64]) -> str:
+    return f"x {point[0]:.2f}, y {point[1]:+.2f}, z {point[2]:.2f} m"
+
+
+def _summary(attempt: Attempt) -> str:
+    if attempt.outcome is Outcome.PICKED:
+        return (
+            f"picked: {attempt.weighed:.1f} g (estimated {attempt.estimate:.1f} g) into punnet "
+            f"{(attempt.punnet or 0) + 1}, {attempt.seconds_simulated:.1f} s"
+        )
+    return f"{attempt.outcome} while trying to {attempt.phase}: {attempt.reason}"

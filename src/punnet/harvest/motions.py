@@ -1,0 +1,121 @@
+"""The motions of a pick, each within the arm's limits: home, reach, retreat, carry."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from punnet.errors import KinematicsError
+from punnet.geometry import invert_transform, make_transform
+from punnet.harvest.config import HarvestConfig
+from punnet.harvest.punnets import slot_offset
+from punnet.movement import JointTrajectory, TrajectoryDistribution, retime
+from punnet.planning.approach import approach_rotation
+from punnet.robot import (
+    HOME,
+    T_FLANGE_TOOL,
+    MotionResult,
+    Panda,
+    Robot,
+    follow_path,
+    nearest_solution,
+)
+
+
+__all__ = ["Motions"]
+
+_PATH_POINTS = 150
+_PLACE_YAW, _PLACE_PITCH = np.deg2rad(35.0), np.deg2rad(-35.0)
+_ABOVE_WALL = 0.155  # metres of the grip point over the punnet's floor while it comes in over the wall
+_RELEASE_HEIGHT = 0.083  # and where it lets go: the tip of a long berry is then 20 mm above the floor
+_LAYER_HEIGHT = 0.030
+_BERRIES_A_LAYER = 6
+
+
+class Motions:
+    """Moves a robot through the parts of a pick.
+
+    Parameters
+    ----------
+    robot
+        What moves.
+    arm
+        Its kinematics and limits.
+    punnet_places
+        (P, 3) centre of each punnet's floor, metres, base frame.
+    config
+        Speeds and distances.
+    """
+
+    def __init__(
+        self, robot: Robot, arm: Panda, punnet_places: NDArray[np.float64], config: HarvestConfig
+    ) -> None:
+        self._robot = robot
+        self._arm = arm
+        self._punnets = punnet_places
+        self._config = config
+        self._reach: JointTrajectory | None = None
+
+    def go_home(self) -> MotionResult:
+        """Tool closed and empty, arm to the pose that the plant is looked at from."""
+        self._robot.separate(0.0)
+        self._robot.release()
+        return self._through(np.stack((self._robot.joints(), HOME)), self._config.speed)
+
+    def prepare(self, distribution: TrajectoryDistribution) -> None:
+        """Time the mean reach of ``distribution`` from where the arm is.
+
+        Raises
+        ------
+        KinematicsError
+            If it leaves the joint limits.
+        """
+        path = distribution.mean(np.linspace(0.0, 1.0, _PATH_POINTS))
+        path[0] = self._robot.joints()
+        self._reach = retime(path, self._arm.limits, speed=self._config.careful_speed)
+
+    def reach(self) -> MotionResult:
+        """Follow the prepared reach."""
+        if self._reach is None:
+            raise KinematicsError("reach: prepare a distribution first")
+        return self._robot.follow(self._reach)
+
+    def retreat(self) -> MotionResult:
+        """Straight back out along the tool's axis."""
+        start = self._robot.joints()
+        T = self._arm.forward_kinematics(start)
+        poses = np.tile(T, (20, 1, 1))
+        poses[:, :3, 3] -= np.linspace(0.0, self._config.retreat, 20)[:, None] * T[:3, 2]
+        try:
+            path = follow_path(poses, start, arm=self._arm)
+        except KinematicsError:
+            path = np.stack((start, HOME))  # no straight way back from here: the way home leads out as well
+        return self._through(path, self._config.careful_speed)
+
+    def back_off(self) -> MotionResult:
+        """Let go of whatever is held and leave the plant."""
+        self._robot.release()
+        self._robot.separate(0.0)
+        return self.retreat()
+
+    def carry(self, punnet: int, count: int) -> MotionResult:
+        """Take what hangs in the grip to the place of berry number ``count`` in a punnet, and lower it."""
+        offset = slot_offset(count)
+        layer = _LAYER_HEIGHT * (count // _BERRIES_A_LAYER)
+        floor = self._punnets[punnet] + np.array([offset[0], offset[1], layer])
+        rotation = approach_rotation(_PLACE_YAW, _PLACE_PITCH)
+        above, release = (
+            make_transform(rotation, floor + np.array([0.0, 0.0, height])) @ invert_transform(T_FLANGE_TOOL)
+            for height in (_ABOVE_WALL, _RELEASE_HEIGHT)
+        )
+        over = nearest_solution(above, HOME, arm=self._arm)
+        moved = self._through(np.stack((self._robot.joints(), HOME, over)), self._config.speed)
+        if not moved.reached:
+            return moved
+        down = nearest_solution(release, over, arm=self._arm)
+        return self._through(np.stack((self._robot.joints(), down)), self._config.careful_speed)
+
+    def _through(self, path: NDArray[np.float64], speed: float) -> MotionResult:
+        if np.abs(path - path[0]).max() < 1e-3:
+            return MotionResult(True)
+        return self._robot.follow(retime(path, self._arm.limits, speed=speed))

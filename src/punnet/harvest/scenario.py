@@ -1,0 +1,92 @@
+"""A plant, a robot and the parts that pick from it, put together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Literal
+
+import numpy as np
+
+from punnet.errors import ConfigurationError
+from punnet.harvest.attempts import HarvestRun
+from punnet.harvest.config import HarvestConfig
+from punnet.harvest.judge import Fate, judge, reachable_berries
+from punnet.harvest.loop import Harvester, Listener
+from punnet.perception import ColourDetector
+from punnet.planning import ProMPDepthPlanner
+from punnet.sim.depth_sensor import StereoDepthModel
+from punnet.sim.oracle import OracleDetector, OracleScale
+from punnet.sim.panda_robot import SimulatedPanda
+from punnet.sim.punnets import PUNNET_PLACES
+from punnet.sim.world import WorldConfig, build_world
+from punnet.weight import EllipsoidEstimator
+
+__all__ = ["Perception", "Scenario", "Session"]
+
+Perception = Literal["colour", "oracle"]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Everything that fixes a simulated harvest; the same scenario gives the same harvest.
+
+    Parameters
+    ----------
+    seed
+        Of the plant and of the sensors' noise.
+    perception
+        ``colour``: the classical detector and scale on the noisy camera; ``oracle``: the truth in their place.
+    world
+        What is grown.
+    harvest
+        How the loop moves.
+    """
+
+    seed: int
+    perception: Perception = "colour"
+    world: WorldConfig = field(default_factory=WorldConfig)
+    harvest: HarvestConfig = field(default_factory=HarvestConfig)
+
+    def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise ConfigurationError(f"seed must be ≥ 0, got {self.seed}")
+        if self.perception not in ("colour", "oracle"):
+            raise ConfigurationError(f"perception must be 'colour' or 'oracle', got '{self.perception}'")
+
+
+class Session:
+    """A scenario that has been built; a context manager, since it holds a renderer."""
+
+    def __init__(self, scenario: Scenario, listener: Listener | None = None) -> None:
+        self.scenario = scenario
+        self.world = build_world(scenario.seed, scenario.world)
+        self.reachable = reachable_berries(self.world)
+        noise = np.random.default_rng((scenario.seed, 1))
+        self.robot = SimulatedPanda(self.world, noise, StereoDepthModel())
+        oracle = scenario.perception == "oracle"
+        self.harvester = Harvester(
+            self.robot,
+            OracleDetector(self.robot) if oracle else ColourDetector(),
+            OracleScale() if oracle else EllipsoidEstimator(),
+            ProMPDepthPlanner.from_bundle(),
+            PUNNET_PLACES,
+            scenario.harvest,
+            listener,
+        )
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.robot.close()
+
+    def run(self) -> HarvestRun:
+        """Harvest."""
+        return self.harvester.run()
+
+    def fates(self) -> list[Fate]:
+        """What became of each berry until now."""
+        return judge(self.world, self.reachable)
