@@ -1,0 +1,93 @@
+"""Painted surfaces of the tunnel: gravel, growing bags, woven tape, zinc, the far end of the tunnel."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["paint_backdrop", "paint_bag", "paint_gravel", "paint_tape", "paint_zinc"]
+
+_Image = NDArray[np.uint8]
+
+
+def _image(colour: NDArray[np.float64]) -> _Image:
+    return np.asarray(np.clip(colour, 0.0, 255.0), dtype=np.uint8)
+
+
+def _tiling_noise(rng: np.random.Generator, shape: tuple[int, int], sigma: float) -> NDArray[np.float64]:
+    """Smooth noise of unit deviation that repeats without a seam."""
+    field = rng.normal(size=shape).astype(np.float32)
+    pad = min(int(3 * sigma) + 1, min(shape))
+    wide = cv2.copyMakeBorder(field, pad, pad, pad, pad, cv2.BORDER_WRAP)
+    smooth = cv2.GaussianBlur(wide, (0, 0), sigma)[pad:-pad, pad:-pad]
+    return np.asarray(smooth / smooth.std(), dtype=np.float64)
+
+
+def paint_gravel(rng: np.random.Generator, *, size: int = 512) -> _Image:
+    """Pale limestone chippings with rusty and damp patches, tiling; (size, size, 3)."""
+    stones = _tiling_noise(rng, (size, size), 1.3)
+    shade = stones - np.roll(stones, (1, 1), axis=(0, 1))  # lit from one side, so that it reads as relief
+    shade /= shade.std()
+    patches = np.clip(_tiling_noise(rng, (size, size), 34.0) - 0.7, 0.0, 1.5)[..., None]
+    tone = 1.0 + 0.07 * stones + 0.10 * shade + 0.04 * _tiling_noise(rng, (size, size), 20.0)
+    tone -= 0.28 * (stones < -1.6)
+    tint = 1.0 + 0.03 * _tiling_noise(rng, (size, size), 2.2)[..., None] * np.array((1.0, 0.2, -1.0))
+    colour = np.array((206.0, 196.0, 184.0)) * tone[..., None] * tint
+    return _image(colour * (1.0 - patches * np.array((0.10, 0.17, 0.26))))
+
+
+def paint_bag(rng: np.random.Generator) -> _Image:
+    """Black film of a growing bag, creased and printed; (128, 512, 3), rows around it, columns along it."""
+    height, width = 128, 512
+    creases = cv2.GaussianBlur(rng.normal(size=(height, width)).astype(np.float32), (0, 0), 2.0, sigmaY=9.0)
+    creases = np.clip(creases / creases.std() - 1.1, 0.0, 3.0)
+    colour = np.full((height, width, 3), 21.0) + (26.0 * creases)[..., None] * np.array((0.92, 0.97, 1.05))
+    print_layer = np.zeros((height, width), dtype=np.uint8)
+    for column in (60, 320):
+        cv2.ellipse(print_layer, (column, 64), (11, 17), 25, 0, 360, 200, 2, cv2.LINE_AA)
+        cv2.line(print_layer, (column - 6, 77), (column + 7, 51), 200, 2, cv2.LINE_AA)
+        cv2.putText(
+            print_layer, "coir", (column + 20, 76), cv2.FONT_HERSHEY_SIMPLEX, 1.0, 200, 2, cv2.LINE_AA
+        )
+        cv2.rectangle(print_layer, (column + 98, 48), (column + 138, 80), 170, 1, cv2.LINE_AA)
+    worn = np.clip(0.72 + 0.2 * _tiling_noise(rng, (height, width), 5.0), 0.0, 1.0) * print_layer / 255.0
+    return _image(colour + worn[..., None] * np.array((120.0, 124.0, 128.0)))
+
+
+def paint_tape(rng: np.random.Generator) -> _Image:
+    """Woven tape that keeps the trusses off the gutter's edge; (32, 256, 3)."""
+    row, column = np.meshgrid(np.arange(32), np.arange(256), indexing="ij")
+    weave = 0.5 + 0.5 * np.where((row // 2 + column // 2) % 2 == 0, 1.0, -1.0)
+    tone = 74.0 + 46.0 * weave + rng.normal(0.0, 7.0, (32, 256))
+    tone[:3] += 30.0
+    return _image(tone[..., None] * np.array((0.96, 1.0, 1.02)))
+
+
+def paint_zinc(rng: np.random.Generator) -> _Image:
+    """Galvanised sheet, weathered: faint streaks and stains; (128, 256, 3), tiling."""
+    streaks = cv2.GaussianBlur(rng.normal(size=(128, 256)).astype(np.float32), (0, 0), 14.0, sigmaY=1.0)
+    streaks = streaks / streaks.std()
+    spangle = _tiling_noise(rng, (128, 256), 1.5)
+    stain = np.clip(_tiling_noise(rng, (128, 256), 9.0) - 1.2, 0.0, 2.0)
+    tone = 156.0 + 7.0 * streaks + 3.0 * spangle - 16.0 * stain
+    return _image(tone[..., None] * np.array((0.965, 1.0, 1.03)))
+
+
+def paint_backdrop(rng: np.random.Generator) -> _Image:
+    """The far end of the tunnel, out of focus: bright sheet above, rows of plants and gutters, pale ground; (256, 512, 3)."""
+    height, width = 256, 512
+    y = np.linspace(0.0, 1.0, height)[:, None, None]
+    sheet = np.array((226.0, 230.0, 228.0)) * (1.0 - 0.10 * y)
+    colour = np.broadcast_to(sheet, (height, width, 3)).copy()
+    for column in range(0, width, 64):  # hoops of the tunnel
+        colour[:150, column : column + 3] -= 34.0
+    hedge = _tiling_noise(rng, (height, width), 4.0) + 0.8 * _tiling_noise(rng, (height, width), 14.0)
+    green = np.array((70.0, 98.0, 54.0)) * (1.0 + 0.28 * hedge[..., None])
+    top = 0.56 + 0.02 * _tiling_noise(rng, (1, width), 9.0)[..., None]
+    inside = np.clip((y - top) / 0.02, 0.0, 1.0) * np.clip((0.80 - y) / 0.02, 0.0, 1.0)
+    colour += inside * (green - colour)
+    ground = np.clip((y - 0.80) / 0.03, 0.0, 1.0)
+    colour += ground * (np.array((150.0, 146.0, 134.0)) * (1.0 + 0.04 * hedge[..., None]) - colour)
+    colour[int(0.69 * height) : int(0.71 * height)] = 120.0
+    return _image(cv2.GaussianBlur(colour, (0, 0), 2.2))
