@@ -1,8 +1,8 @@
 """Which OpenGL back end renders without a display: EGL, else OSMesa (macOS: CGL, else GLFW).
 
 MuJoCo picks its back end from ``MUJOCO_GL`` while it is being imported, and falls over with an unrelated
-error if the library is missing. Here the libraries are probed with ctypes alone, so that it does not matter when
-MuJoCo was imported, and so that a missing library ends in a sentence that says what to install.
+error if the library is missing. Here the libraries are probed with ctypes alone, so that it does not matter
+when MuJoCo was imported, and so that a missing library ends in a sentence that says what to install.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """Pictures of a MuJoCo scene without a display: colour, metric depth, and which geometry each pixel shows.
 
 One pass draws the colours (with shadows, antialiased); one more, without light, gives depth and geometry ids
-together and sampled at pixel centres, so that masks and depth agree pixel by pixel. docs/rendering.md says what it
-costs.
+together and sampled at pixel centres, so that masks and depth agree pixel by pixel. docs/rendering.md says
+what it costs.
 
-Pixel convention: the centre of the top-left pixel is (0, 0). OpenGL puts it at (½, ½), so a MuJoCo camera with only
-a field of view has its principal point at ((W − 1)/2, (H − 1)/2): 319.5, 239.5 for 640×480.
+Pixel convention: the centre of the top-left pixel is (0, 0). OpenGL puts it at (½, ½), so a MuJoCo camera
+with only a field of view has its principal point at ((W − 1)/2, (H − 1)/2): 319.5, 239.5 for 640×480.
 """
 
 from __future__ import annotations
