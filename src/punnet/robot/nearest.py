@@ -9,6 +9,7 @@ from punnet.errors import KinematicsError, ShapeError
 from punnet.geometry import is_transform
 from punnet.robot.inverse_kinematics import solve, solve_any
 from punnet.robot.panda import Panda
+from punnet.robot.projection import projected
 
 __all__ = ["MARGIN", "nearest_solution", "nearest_solutions"]
 
@@ -20,6 +21,8 @@ MARGIN = 0.03
 SWEEP = 48
 ZOOM = np.linspace(-1.0, 1.0, 9)
 ZOOM_ROUNDS = 3
+DEFAULT_ARM = Panda()
+NEIGHBOURS = np.array([-0.02, 0.0, 0.02])
 
 
 def nearest_solutions(
@@ -40,16 +43,21 @@ def nearest_solutions(
     margin
         Radians to keep from the limits.
     """
-    arm = arm or Panda()
+    arm = arm or DEFAULT_ARM
     poses = np.asarray(T_base_flange, dtype=np.float64)
     reference = np.asarray(reference, dtype=np.float64)
     if poses.ndim != 3 or poses.shape[1:] != (4, 4) or reference.shape != (7,):
         raise ShapeError(
             f"nearest: need poses (N, 4, 4) and joints (7,), got {poses.shape}, {reference.shape}"
         )
+    if not np.isfinite(reference).all():
+        raise ShapeError(f"nearest: reference joints must be finite, got {reference}")
     lower, upper = arm.limits.lower[6] + margin, arm.limits.upper[6] - margin
-    sweep = np.append(np.linspace(lower, upper, SWEEP), np.clip(reference[6], lower, upper))
-    grid = np.broadcast_to(sweep, (len(poses), len(sweep)))
+    # Besides the sweep: where Newton steps from the reference end, perhaps a sliver between grid points.
+    newton = projected(arm, np.tile(reference, (len(poses), 1)), poses)[:, 6]
+    newton = np.where(np.isnan(newton), reference[6], newton)[:, None] + NEIGHBOURS
+    sweep = np.broadcast_to(np.linspace(lower, upper, SWEEP), (len(poses), SWEEP))
+    grid = np.concatenate((sweep, np.clip(newton, lower, upper)), axis=1)
     step = (upper - lower) / (SWEEP - 1)
     best = np.full((len(poses), 7), np.nan)
     nearest = np.full(len(poses), np.inf)
@@ -81,7 +89,7 @@ def nearest_solution(
     ShapeError
         If the pose is not a rigid transform.
     """
-    arm = arm or Panda()
+    arm = arm or DEFAULT_ARM
     T = np.asarray(T_base_flange, dtype=np.float64)
     if not is_transform(T):
         raise ShapeError(f"nearest_solution: T_base_flange is not a 4×4 rigid transform, got shape {T.shape}")
