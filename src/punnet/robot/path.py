@@ -2,9 +2,9 @@
 
 :func:`follow_path` guesses in two ways, completes both guesses and keeps the cheaper one. Guess one is a
 straight line in joint space to the nearest solution of the last pose. Guess two comes from
-:mod:`punnet.robot.sweep`, over some of the poses, or over all of them if nothing else works. A guess is
-completed by moving every point onto its pose and smoothing the path within its poses. Cost: squared joint
-motion, nearness to limits and singularities.
+:mod:`punnet.robot.sweep`, over some of the poses. If both fail the start is tracked from pose to pose, and
+at last the sweep looks at every pose. A guess is completed by moving every point onto its pose and smoothing
+the path within its poses. Cost: squared joint motion, nearness to limits and singularities.
 """
 
 from __future__ import annotations
@@ -70,8 +70,8 @@ def follow_path(
     request = PathRequest(poses, home, arm, margin, largest_step)
     paths: list[Array] = []
     failure: KinematicsError | None = None
-    for way in (_straight, _coarse, _fine):
-        if way is _fine and paths:
+    for way in (_straight, _coarse, _tracked, _fine):
+        if paths and way in (_tracked, _fine):
             break
         try:
             paths.append(_completed(request, way(request)))
@@ -92,6 +92,17 @@ def _straight(request: PathRequest) -> Array:
     travelled = np.concatenate(([0.0], np.cumsum(distance + METRES_PER_RADIAN * angle)))
     share = travelled / max(float(travelled[-1]), 1e-12)
     return np.asarray(start + share[:, None] * (end - start))
+
+
+def _tracked(request: PathRequest) -> Array:
+    """Guess (T, 7): from the start pose by pose, each time by the shortest way."""
+    joints = request.first()
+    if joints is None:
+        raise KinematicsError("pose 0 of the path: the start is elsewhere")
+    path = [joints]
+    for pose in request.poses[1:]:
+        path.append(projected(request.arm, path[-1][None], pose[None])[0])
+    return np.stack(path)
 
 
 def _coarse(request: PathRequest) -> Array:

@@ -120,7 +120,7 @@ def _cheapest_way(layers: list[_Layer], keys: NDArray[np.intp], start: Array | N
         total = arrival[best, np.arange(len(best))] + after.cost
         if not np.isfinite(total).any():
             raise KinematicsError(
-                f"pose {int(keys[k])} of the path: the arm can't get there from pose {int(keys[k - 1])} "
+                f"pose {int(keys[k])} of the path: no way found from pose {int(keys[k - 1])} to it "
                 "without a jump"
             )
         came_from.append(best)
