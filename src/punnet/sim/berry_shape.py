@@ -74,7 +74,7 @@ class BerryShape:
             axis=-1,
         )
 
-    def mesh(self, *, rings: int = 21, segments: int = 36) -> Mesh:
+    def mesh(self, *, rings: int = 18, segments: int = 32) -> Mesh:
         """Watertight unit mesh with texture coordinates (φ/2π, θ/π); the seam and the poles repeat vertices."""
         theta = np.linspace(0.0, np.pi, rings + 2)
         phi = np.linspace(0.0, 2.0 * np.pi, segments + 1)
@@ -121,7 +121,7 @@ def draw_shape(rng: np.random.Generator, form: BerryForm) -> BerryShape:
     ranges = _FORMS[form]
     width = rng.uniform(*ranges["width"])
     waves = np.array([2, 3, 4, 5, 7])
-    amplitudes = np.array([0.020, 0.022, 0.016, 0.014, 0.008]) * rng.normal(0.0, 1.0, 5).clip(-1.6, 1.6)
+    amplitudes = np.array([0.024, 0.026, 0.020, 0.016, 0.010]) * rng.normal(0.0, 1.0, 5).clip(-1.6, 1.6)
     bend = rng.normal(0.0, 0.035, 2).clip(-0.08, 0.08)
     return BerryShape(
         width=width,

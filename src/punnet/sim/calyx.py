@@ -61,17 +61,18 @@ def make_calyx(rng: np.random.Generator, berry_width: float) -> Mesh:
     coordinates are those of :func:`calyx_texture`: across, and from the base to the tip.
     """
     pairs = int(rng.integers(5, 7))
-    reflexed = rng.uniform(-0.1, 0.55)  # how far the whole calyx turns up
+    reflexed = rng.uniform(-0.2, 0.7)  # how far the whole calyx turns up
     parts = []
     for number in range(2 * pairs):
         narrow = number % 2
         azimuth = 2.0 * np.pi * (number / (2 * pairs)) + rng.normal(0.0, 0.12)
-        length = berry_width * rng.uniform(0.38, 0.54) * (0.85 if narrow else 1.0)
-        half_width = length * (rng.uniform(0.14, 0.18) if narrow else rng.uniform(0.2, 0.26))
-        lift = reflexed + rng.normal(0.0, 0.25) + (0.12 if narrow else 0.0)
-        curl = rng.normal(0.15, 0.35)
-        slopes = np.array([0.35 + 0.3 * lift, lift - 0.1, lift - 0.45 + curl])
-        slopes = np.maximum(slopes, (0.15, -0.25, -0.75))  # never into the fruit
+        # the calyx is nearly full-grown while the fruit still swells
+        length = (0.0065 + 0.26 * berry_width) * rng.uniform(0.82, 1.15) * (0.85 if narrow else 1.0)
+        half_width = length * (rng.uniform(0.15, 0.19) if narrow else rng.uniform(0.23, 0.29))
+        lift = reflexed + rng.normal(0.0, 0.3) + (0.15 if narrow else 0.0)
+        curl = rng.normal(0.2, 0.4)
+        slopes = np.array([0.32 + 0.4 * lift, lift - 0.12, lift - 0.55 + curl])
+        slopes = np.maximum(slopes, (0.22, -0.22, -0.8))  # never into the fruit
         parts.append(
             sepal(length, half_width, azimuth, (0.03 * berry_width, 0.0006 * narrow + 0.001), slopes)
         )
@@ -83,7 +84,7 @@ def calyx_texture(rng: np.random.Generator) -> NDArray[np.uint8]:
     along = np.linspace(0.0, 1.0, 64)[:, None]
     across = np.abs(np.linspace(-1.0, 1.0, 32))[None, :]
     tone = rng.uniform(0.85, 1.12)
-    base, tip = np.array((150, 172, 84.0)) * tone, np.array((74, 112, 44.0)) * tone
+    base, tip = np.array((168, 188, 98.0)) * tone, np.array((92, 132, 56.0)) * tone
     blend = np.clip(along * 1.6, 0.0, 1.0)[..., None]
     colour = (1 - blend) * base + blend * tip
     colour = np.broadcast_to(colour, (64, 32, 3)) * (1.0 + 0.14 * np.exp(-((across / 0.14) ** 2)))[..., None]

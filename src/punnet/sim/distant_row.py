@@ -43,7 +43,7 @@ def bag_mesh(rng: np.random.Generator, length: float, width: float, height: floa
 def row_texture(rng: np.random.Generator) -> NDArray[np.uint8]:
     """Atlas (384, 384, 3): three dark leaves and, bottom right, the red of berries."""
     cells = [leaf_texture(rng, int(n))[:, :_CELL] for n in rng.choice(LEAF_TEXTURES, 3, replace=False)]
-    red = np.full((_CELL, _CELL, 3), (186, 30, 30), dtype=np.uint8)
+    red = np.full((_CELL, _CELL, 3), (150, 36, 34), dtype=np.uint8)
     top = np.concatenate(cells[:2], axis=1)
     return np.concatenate((top, np.concatenate((cells[2], red), axis=1)), axis=0)
 
@@ -55,7 +55,7 @@ def _card(
     return fan, np.array(cell) + 0.5 * shape * (1.0, 1.0)
 
 
-def row_mesh(rng: np.random.Generator, length: float, *, leaves: int = 260, berries: int = 40) -> Mesh:
+def row_mesh(rng: np.random.Generator, length: float, *, leaves: int = 170, berries: int = 24) -> Mesh:
     """Leaves and fruit of a row along y, metres: seen from −x, gutter lip at z = 0, canopy above, fruit below."""
     cells = ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5))
     parts = []
@@ -80,8 +80,9 @@ def row_mesh(rng: np.random.Generator, length: float, *, leaves: int = 260, berr
         centre = np.array(
             [rng.uniform(-0.2, -0.12), rng.uniform(-length / 2, length / 2), rng.uniform(-0.3, -0.02)]
         )
-        width = rng.uniform(0.011, 0.017)
-        ring = np.column_stack((np.zeros(6), width * np.sin(rim), 1.25 * width * np.cos(rim)))
+        width = rng.uniform(0.010, 0.016)
+        half_width = np.where(np.cos(rim) > 0, 1.0, 0.8) * np.sin(rim)  # narrower towards the tip
+        ring = np.column_stack((np.zeros(6), width * half_width, 1.25 * width * np.cos(rim)))
         uv = np.full((6, 2), 0.75) + 0.05 * np.column_stack((np.sin(rim), np.cos(rim)))
         parts.append(_facing_front(centre + ring, np.array([(0, k, k + 1) for k in range(1, 5)]), uv))
     return Mesh.joined(parts)

@@ -14,7 +14,7 @@ from punnet.sim.mesh import Mesh
 __all__ = ["Flower", "make_flower"]
 
 _PETALS = 5
-_RIM = 7
+_RIM = 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +31,8 @@ class Flower:
 
 def _petal(rng: np.random.Generator, radius: float, azimuth: float) -> Mesh:
     """A cupped, two-sided round petal that starts near the axis."""
-    angles = np.linspace(-np.pi * 0.82, np.pi * 0.82, _RIM)
-    rim = np.stack((0.56 + 0.46 * np.cos(angles), 0.44 * np.sin(angles)), axis=-1)
+    angles = np.linspace(-np.pi * 0.80, np.pi * 0.80, _RIM)
+    rim = np.stack((0.56 + 0.44 * np.cos(angles), 0.47 * np.sin(angles)), axis=-1)
     flat = np.concatenate(([[0.12, 0.0], [0.58, 0.0]], rim)) * radius
     height = 0.22 * radius * (np.linalg.norm(flat, axis=1) / radius) ** 2 + rng.normal(0.0, 0.03) * radius
     height[1] -= 0.05 * radius

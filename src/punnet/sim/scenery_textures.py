@@ -6,7 +6,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["paint_backdrop", "paint_bag", "paint_gravel", "paint_tape", "paint_zinc"]
+__all__ = [
+    "paint_backdrop",
+    "paint_bag",
+    "paint_gravel",
+    "paint_hedge",
+    "paint_soil",
+    "paint_tape",
+    "paint_zinc",
+]
 
 _Image = NDArray[np.uint8]
 
@@ -18,7 +26,7 @@ def _image(colour: NDArray[np.float64]) -> _Image:
 def _tiling_noise(rng: np.random.Generator, shape: tuple[int, int], sigma: float) -> NDArray[np.float64]:
     """Smooth noise of unit deviation that repeats without a seam."""
     field = rng.normal(size=shape).astype(np.float32)
-    pad = min(int(3 * sigma) + 1, min(shape))
+    pad = min(int(3 * sigma) + 1, *shape)
     wide = cv2.copyMakeBorder(field, pad, pad, pad, pad, cv2.BORDER_WRAP)
     smooth = cv2.GaussianBlur(wide, (0, 0), sigma)[pad:-pad, pad:-pad]
     return np.asarray(smooth / smooth.std(), dtype=np.float64)
@@ -26,15 +34,28 @@ def _tiling_noise(rng: np.random.Generator, shape: tuple[int, int], sigma: float
 
 def paint_gravel(rng: np.random.Generator, *, size: int = 512) -> _Image:
     """Pale limestone chippings with rusty and damp patches, tiling; (size, size, 3)."""
-    stones = _tiling_noise(rng, (size, size), 1.3)
+    stones = _tiling_noise(rng, (size, size), 1.1)
     shade = stones - np.roll(stones, (1, 1), axis=(0, 1))  # lit from one side, so that it reads as relief
     shade /= shade.std()
-    patches = np.clip(_tiling_noise(rng, (size, size), 34.0) - 0.7, 0.0, 1.5)[..., None]
-    tone = 1.0 + 0.07 * stones + 0.10 * shade + 0.04 * _tiling_noise(rng, (size, size), 20.0)
-    tone -= 0.28 * (stones < -1.6)
-    tint = 1.0 + 0.03 * _tiling_noise(rng, (size, size), 2.2)[..., None] * np.array((1.0, 0.2, -1.0))
-    colour = np.array((206.0, 196.0, 184.0)) * tone[..., None] * tint
-    return _image(colour * (1.0 - patches * np.array((0.10, 0.17, 0.26))))
+    patches = np.clip(_tiling_noise(rng, (size, size), 40.0) - 0.6, 0.0, 1.5)[..., None]
+    tone = 1.0 + 0.045 * stones + 0.075 * shade + 0.03 * _tiling_noise(rng, (size, size), 24.0)
+    tone -= 0.16 * np.clip(-stones - 1.3, 0.0, 1.0)
+    tint = 1.0 + 0.02 * _tiling_noise(rng, (size, size), 2.2)[..., None] * np.array((1.0, 0.2, -1.0))
+    colour = np.array((204.0, 195.0, 186.0)) * tone[..., None] * tint
+    return _image(colour * (1.0 - patches * np.array((0.06, 0.10, 0.15))))
+
+
+def paint_soil(rng: np.random.Generator) -> _Image:
+    """Bare soil with weeds, as between the rows of an older tunnel, tiling; (256, 256, 3)."""
+    shape = (256, 256)
+    crumbs, weeds = (
+        _tiling_noise(rng, shape, 1.2),
+        _tiling_noise(rng, shape, 5.0) + 0.5 * _tiling_noise(rng, shape, 1.5),
+    )
+    soil = np.array((122.0, 104.0, 86.0)) * (1.0 + 0.12 * crumbs[..., None])
+    green = np.array((96.0, 122.0, 66.0)) * (1.0 + 0.2 * crumbs[..., None])
+    cover = np.clip((weeds - rng.uniform(-0.4, 1.2)) / 0.6, 0.0, 1.0)[..., None]
+    return _image(soil + cover * (green - soil))
 
 
 def paint_bag(rng: np.random.Generator) -> _Image:
@@ -74,20 +95,27 @@ def paint_zinc(rng: np.random.Generator) -> _Image:
     return _image(tone[..., None] * np.array((0.965, 1.0, 1.03)))
 
 
+def paint_hedge(rng: np.random.Generator) -> _Image:
+    """A canopy seen from afar, tiling; (128, 128, 3)."""
+    shape = (128, 128)
+    clumps = _tiling_noise(rng, shape, 1.6) + _tiling_noise(rng, shape, 4.0)
+    return _image(np.array((74.0, 104.0, 60.0)) * (1.0 + 0.22 * clumps[..., None]))
+
+
 def paint_backdrop(rng: np.random.Generator) -> _Image:
-    """The far end of the tunnel, out of focus: bright sheet above, rows of plants and gutters, pale ground; (256, 512, 3)."""
+    """Far end of the tunnel, out of focus: bright sheet above, crops in haze, pale ground; (256, 512, 3)."""
     height, width = 256, 512
     y = np.linspace(0.0, 1.0, height)[:, None, None]
-    sheet = np.array((226.0, 230.0, 228.0)) * (1.0 - 0.10 * y)
-    colour = np.broadcast_to(sheet, (height, width, 3)).copy()
+    colour = np.broadcast_to(np.array((226.0, 230.0, 228.0)) * (1.0 - 0.08 * y), (height, width, 3)).copy()
     for column in range(0, width, 64):  # hoops of the tunnel
-        colour[:150, column : column + 3] -= 34.0
-    hedge = _tiling_noise(rng, (height, width), 4.0) + 0.8 * _tiling_noise(rng, (height, width), 14.0)
-    green = np.array((70.0, 98.0, 54.0)) * (1.0 + 0.28 * hedge[..., None])
-    top = 0.56 + 0.02 * _tiling_noise(rng, (1, width), 9.0)[..., None]
-    inside = np.clip((y - top) / 0.02, 0.0, 1.0) * np.clip((0.80 - y) / 0.02, 0.0, 1.0)
-    colour += inside * (green - colour)
-    ground = np.clip((y - 0.80) / 0.03, 0.0, 1.0)
-    colour += ground * (np.array((150.0, 146.0, 134.0)) * (1.0 + 0.04 * hedge[..., None]) - colour)
-    colour[int(0.69 * height) : int(0.71 * height)] = 120.0
-    return _image(cv2.GaussianBlur(colour, (0, 0), 2.2))
+        colour[:, column : column + 2] -= 26.0
+    clumps = _tiling_noise(rng, (height, width), 3.0) + _tiling_noise(rng, (height, width), 10.0)
+    green = np.array((98.0, 118.0, 84.0)) * (1.0 + 0.14 * clumps[..., None])
+    top = 0.60 + 0.02 * _tiling_noise(rng, (1, width), 9.0)[..., None]
+    colour += np.clip((y - top) / 0.03, 0.0, 1.0) * (green - colour)
+    shadow = np.clip((y - 0.74) / 0.05, 0.0, 1.0)  # below the gutters: legs, pipes and ground run together
+    below = np.array((136.0, 134.0, 122.0)) * (1.0 + 0.05 * clumps[..., None])
+    colour += shadow * (below - colour)
+    ground = np.clip((y - 0.90) / 0.08, 0.0, 1.0)
+    colour += ground * (np.array((188.0, 180.0, 170.0)) - colour)
+    return _image(cv2.GaussianBlur(colour.astype(np.float64), (0, 0), 1.6))
