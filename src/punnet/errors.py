@@ -10,6 +10,7 @@ __all__ = [
     "ConfigurationError",
     "FileFormatError",
     "KinematicsError",
+    "OutputError",
     "OutputExistsError",
     "PlanningError",
     "PunnetError",
@@ -35,7 +36,11 @@ class FileFormatError(PunnetError, ValueError):
     """A file is missing, unreadable or not what it should be; the message names the file."""
 
 
-class OutputExistsError(PunnetError):
+class OutputError(PunnetError):
+    """Results can't be written where they should go; the message names the place."""
+
+
+class OutputExistsError(OutputError):
     """An output would overwrite something that exists; pass ``--force`` (``force=True``) to allow it."""
 
 

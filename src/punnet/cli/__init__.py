@@ -1,1 +1,5 @@
-"""TODO."""
+"""The command ``punnet``: one thin file a command group; the rooms do the work."""
+
+from punnet.cli.app import app, main
+
+__all__ = ["app", "main"]

@@ -1,0 +1,56 @@
+"""What commands print: results on stdout, everything else on stderr."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+__all__ = ["note", "print_json", "print_table", "say", "track"]
+
+Item = TypeVar("Item")
+
+
+def say(line: str = "") -> None:
+    """Print a line of the result on stdout."""
+    print(line, flush=True)
+
+
+def note(line: str) -> None:
+    """Print a remark that is not part of the result, on stderr."""
+    print(f"punnet: {line}", file=sys.stderr, flush=True)
+
+
+def print_json(data: Any) -> None:
+    """Print one JSON document on stdout."""
+    print(json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def print_table(title: str, columns: Sequence[str], rows: Iterable[Iterable[str]]) -> None:
+    """Print a table on stdout; columns whose heading ends in ``>`` are set to the right."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table: Table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", show_header=any(columns))
+    for column in columns:
+        table.add_column(column.rstrip(">"), justify="right" if column.endswith(">") else "left")
+    for row in rows:
+        table.add_row(*row)
+    # Piped into a file, a table must not be cut at 80 characters.
+    Console(width=None if sys.stdout.isatty() else 160, markup=False).print(table)
+
+
+def track(items: Iterable[Item], total: int, what: str) -> Iterator[Item]:
+    """Go through ``items`` with a progress bar on stderr; silent where stderr is no terminal."""
+    if not sys.stderr.isatty():
+        yield from items
+        return
+    from rich.console import Console
+    from rich.progress import track as rich_track
+
+    yield from rich_track(items, description=what, total=total, console=Console(stderr=True), transient=True)

@@ -1,0 +1,37 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+__all__ = ["CameraFile", "DepthFile", "Force", "Json", "OutFolder", "RgbFile", "Seed"]
+
+OutFolder = Annotated[
+    Path,
+    typer.Option(
+        "--out", "-o", help="Folder for the results; made if it does not exist.", show_default=False
+    ),
+]
+Force = Annotated[bool, typer.Option("--force", help="Replace the folder if punnet made it earlier.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
+RgbFile = Annotated[Path, typer.Option("--rgb", help="Photograph, PNG or JPEG.", show_default=False)]
+DepthFile = Annotated[
+    Path,
+    typer.Option(
+        "--depth",
+        help="16-bit PNG aligned to the photograph, millimetres unless the camera file says.",
+        show_default=False,
+    ),
+]
+CameraFile = Annotated[
+    Path,
+    typer.Option(
+        "--camera",
+        help="JSON with width height fx fy cx cy; depth_scale and T_base_camera if known.",
+        show_default=False,
+    ),
+]

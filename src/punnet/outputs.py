@@ -1,0 +1,133 @@
+"""Output folders: written beside their place and moved there when complete, so that none is half there."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from pathlib import Path
+from types import TracebackType
+
+from punnet.errors import OutputError, OutputExistsError
+
+__all__ = ["MARKER_FILE", "Interrupted", "OutputFolder"]
+
+MARKER_FILE = ".punnet-output.json"
+"""Marks a folder as made by Punnet; ``force`` replaces no other."""
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C, with what was kept: ``kept`` is the folder of the partial results, None if there were none."""
+
+    def __init__(self, kept: Path | None) -> None:
+        super().__init__()
+        self.kept = kept
+
+
+class OutputFolder:
+    """A context manager around the making of a folder of results.
+
+    Inside, files are written to :attr:`path`, a staging folder beside the final place; call :meth:`finished`
+    for each piece that is worth keeping by itself. At the end the staging folder takes its place. If an
+    exception ends the work and pieces were finished, they are kept: in the final place if that is free, else
+    in ``<folder>-partial``, so that a complete result is never replaced by a partial one.
+
+    Parameters
+    ----------
+    folder
+        Where the results go.
+    force
+        Replace a folder that Punnet made earlier.
+
+    Raises
+    ------
+    OutputExistsError
+        On entering, if the folder exists and ``force`` is not set, or if it was not made by Punnet.
+    OutputError
+        On entering, if the folder can't be written.
+    Interrupted
+        On leaving by Ctrl-C.
+    """
+
+    def __init__(self, folder: str | Path, *, force: bool = False) -> None:
+        self.folder = Path(folder).expanduser().absolute()
+        self.force = force
+        self.pieces = 0
+        self._shown = folder
+        self._staging: Path | None = None
+
+    @property
+    def path(self) -> Path:
+        """The staging folder; valid inside the ``with`` block."""
+        if self._staging is None:
+            raise OutputError(f"{self._shown}: is not open for writing")
+        return self._staging
+
+    def finished(self) -> None:
+        """Count one piece of the results as worth keeping."""
+        self.pieces += 1
+
+    def __enter__(self) -> OutputFolder:
+        try:
+            self._require_replaceable(self.folder)
+            self.folder.parent.mkdir(parents=True, exist_ok=True)
+            self._staging = Path(tempfile.mkdtemp(prefix=f".{self.folder.name}-", dir=self.folder.parent))
+            self._staging.chmod(0o755)
+            (self._staging / MARKER_FILE).write_text(
+                json.dumps({"made_by": "punnet", "complete": False}) + "\n"
+            )
+        except (FileExistsError, NotADirectoryError) as error:
+            raise OutputError(
+                f"{self._shown}: can't be made, a file stands where a folder is needed; give another folder"
+            ) from error
+        except OSError as error:
+            raise OutputError(
+                f"{self._shown}: can't be written ({error.strerror}); give another folder"
+            ) from error
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        staging, self._staging = self.path, None
+        if error is None:
+            (staging / MARKER_FILE).write_text(json.dumps({"made_by": "punnet", "complete": True}) + "\n")
+            _replace(self.folder, staging)
+            return
+        kept = self._keep(staging) if self.pieces else None
+        shutil.rmtree(staging, ignore_errors=True)
+        if isinstance(error, KeyboardInterrupt):
+            raise Interrupted(kept) from error
+        if kept is not None:
+            error.add_note(f"kept what was finished in {kept}")
+
+    def _require_replaceable(self, folder: Path) -> None:
+        if not folder.exists() and not folder.is_symlink():
+            return
+        if not self.force:
+            raise OutputExistsError(f"{self._shown}: exists; give another folder or --force")
+        if not (folder / MARKER_FILE).is_file() and not (folder.is_dir() and not any(folder.iterdir())):
+            raise OutputExistsError(
+                f"{self._shown}: exists and was not made by punnet, so --force does not replace it; "
+                "give another folder"
+            )
+
+    def _keep(self, staging: Path) -> Path | None:
+        place = self.folder
+        if place.exists():
+            place = place.with_name(f"{place.name}-partial")
+            if place.exists() and not (place / MARKER_FILE).is_file():
+                return None
+        _replace(place, staging)
+        return place
+
+
+def _replace(place: Path, staging: Path) -> None:
+    """Move ``staging`` to ``place``; what was there goes once the new one is in its place."""
+    if not place.exists():
+        staging.rename(place)
+        return
+    old = Path(tempfile.mkdtemp(prefix=f".{place.name}-old-", dir=place.parent))
+    place.rename(old)
+    staging.rename(place)
+    shutil.rmtree(old, ignore_errors=True)
