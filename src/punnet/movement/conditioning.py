@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import solve_triangular
 
 from punnet.errors import ConfigurationError, FileFormatError, ShapeError
 
 __all__ = ["ViaPoint", "condition_gaussian"]
 
 RELATIVE_RANK = 1e-12
+CHOLESKY_PIVOT = 1e-9  # below it the eigenvalues are needed
 UNMET_TOLERANCE = 1e-6
 
 
@@ -155,7 +157,8 @@ def condition_gaussian(
     # Rounding in the gain leaves 1e-9 of a large correction; repeating the exact rows removes it.
     exact = variances == 0.0
     if exact.any():
-        posterior = _polish(posterior, covariance, observation[exact], values[exact])
+        exact_gain = gain if exact.all() else _gain(covariance, observation[exact], np.zeros(exact.sum()))
+        posterior = _polish(posterior, exact_gain, observation[exact], values[exact])
     remaining = np.eye(len(mean)) - gain @ observation
     updated = remaining @ covariance @ remaining.T + (gain * variances) @ gain.T
     return posterior, (updated + updated.T) / 2.0
@@ -169,7 +172,15 @@ def _gain(
     scale = np.sqrt(np.maximum(np.diag(innovation), 0.0))
     inverse_scale = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
     scaled = inverse_scale[:, None] * innovation * inverse_scale
-    eigenvalues, vectors = np.linalg.eigh((scaled + scaled.T) / 2.0)
+    scaled = (scaled + scaled.T) / 2.0
+    try:
+        factor = np.linalg.cholesky(scaled)
+        if float(np.diag(factor).min()) ** 2 > CHOLESKY_PIVOT:
+            half = solve_triangular(factor, np.diag(inverse_scale), lower=True, check_finite=False)
+            return np.asarray((cross @ half.T) @ half, dtype=np.float64)
+    except np.linalg.LinAlgError:
+        pass  # via-points that depend on each other: the eigenvectors tell which directions to keep
+    eigenvalues, vectors = np.linalg.eigh(scaled)
     kept = eigenvalues > RELATIVE_RANK * max(float(eigenvalues[-1]), 0.0)
     vectors = vectors[:, kept] * inverse_scale[:, None]
     return np.asarray((cross @ vectors / eigenvalues[kept]) @ vectors.T, dtype=np.float64)
@@ -177,11 +188,10 @@ def _gain(
 
 def _polish(
     posterior: NDArray[np.float64],
-    covariance: NDArray[np.float64],
+    gain: NDArray[np.float64],
     observation: NDArray[np.float64],
     values: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    gain = _gain(covariance, observation, np.zeros(len(values)))
     for _ in range(2):
         posterior = posterior + gain @ (values - observation @ posterior)
     worst = float(np.abs(values - observation @ posterior).max())

@@ -1,7 +1,8 @@
 """The straight way in: tool poses on a line that ends at the grip point.
 
-The tool comes in along its z axis with x up, as it stands at home (:mod:`punnet.robot.tool`); yaw turns it about the
-vertical (positive to the left, +y), pitch raises its nose (positive up), roll turns it about its own z axis.
+The tool comes in along its z axis with x up, as it stands at home (:mod:`punnet.robot.tool`). Yaw turns it
+about the vertical (positive to the left, +y), pitch raises its nose (positive up), roll turns it about its
+own z axis.
 """
 
 from __future__ import annotations
@@ -17,13 +18,16 @@ __all__ = ["angles_of_approach", "approach_poses", "approach_rotation", "comfort
 HOME_SIDE = -0.06  # y of the flange at home, metres: from there a berry straight ahead needs no yaw
 YAW_SHARE = 0.6  # of the angle under which the berry is seen from the base; the wrist does not turn fully
 LOW, HIGH = 0.58, 0.86  # metres above the table between which the comfortable pitch goes from …
-# … to. Nose down, as at home: a level tool would need joint 6 at its limit for low berries, and at full stretch it
-# brings the forearm, the tool and joint 1 through one point, where the wrist can't move sideways.
+# … to. Nose down, as at home: a level tool would need joint 6 at its limit for low berries, and at full
+# stretch it brings the forearm, the tool and joint 1 through one point, where the wrist can't move sideways.
 PITCH_LOW, PITCH_HIGH = np.deg2rad(-14.0), np.deg2rad(-8.0)
 
 
 def approach_rotation(yaw: ArrayLike, pitch: ArrayLike, roll: ArrayLike = 0.0) -> NDArray[np.float64]:
-    """Rotations ``R_base_tool`` (..., 3, 3) for angles in radians; at zero x is up, y is −y and z is +x of the base."""
+    """Rotations ``R_base_tool`` (..., 3, 3) for angles in radians.
+
+    At zero the tool's x is up, its y the base's −y, its z the base's +x.
+    """
     yaw, pitch, roll = np.broadcast_arrays(
         *(np.asarray(angle, dtype=np.float64) for angle in (yaw, pitch, roll))
     )
@@ -68,9 +72,9 @@ def comfortable_angles(points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[
 def approach_poses(
     grip_point: ArrayLike, rotation: NDArray[np.float64], distances: ArrayLike
 ) -> NDArray[np.float64]:
-    """Tool poses (..., P, 4, 4) at ``distances`` (P,) metres before the grip point (..., 3), back along the tool's z.
+    """Tool poses (..., P, 4, 4) before a grip point (..., 3), with one rotation (..., 3, 3).
 
-    ``rotation`` is (..., 3, 3).
+    ``distances`` (P,) are metres back from it along the tool's z axis.
     """
     back = np.asarray(distances, dtype=np.float64)[:, None] * rotation[..., None, :, 2]
     return make_transform(rotation[..., None, :, :], np.asarray(grip_point)[..., None, :] - back)

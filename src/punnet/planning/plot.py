@@ -89,7 +89,14 @@ def _draw_degree(
     points = [found for via in distribution.via_points if (found := _position_at(via, degree)) is not None]
     if points:
         phase, value, error = np.array(points).T
-        style: dict[str, Any] = {"color": VIA_COLOUR, "fmt": "o", "ms": 4.5, "lw": 1.2, "zorder": 5}
+        style: dict[str, Any] = {
+            "color": VIA_COLOUR,
+            "fmt": "o",
+            "ms": 4.5,
+            "lw": 1.2,
+            "zorder": 5,
+            "clip_on": False,
+        }
         axes.errorbar(phase, value, yerr=2 * error, label="via-points", **style)
     low, high = axes.get_ylim()
     missing = MINIMUM_SPAN[distribution.space] - (high - low)

@@ -2,9 +2,9 @@
 
 1. The demonstrated distribution is conditioned on the joints that the arm starts from.
 2. For a small fan of approach directions the most likely joints at the grip pose are found
-   (:mod:`punnet.planning.likely_joints`) and ranked by likelihood, distance from limits and from singularities.
-3. For the best, joints are found on the straight line in, and the distribution is conditioned on all of them jointly.
-   The next one is tried if the mean does not come in straight or leaves the limits.
+   (:mod:`punnet.planning.likely_joints`) and ranked by likelihood, distance from limits and singularities.
+3. For the best, joints are found on the straight line in, and the distribution is conditioned on all of them
+   jointly. The next one is tried if the mean does not come in straight or leaves the limits.
 """
 
 from __future__ import annotations
@@ -48,20 +48,20 @@ LOW_MANIPULABILITY = 0.012
 SMALLEST_MARGIN = 0.02
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class ProMPDepthPlanner:
     """Plans reaches by conditioning demonstrated ones on the picking point.
 
     Parameters
     ----------
     promp
-        Joint-space distribution of the demonstrated reaches, seven degrees of freedom, whose last part from phase
-        :data:`APPROACH_PHASE` on is a straight approach.
+        Joint-space distribution of the demonstrated reaches, seven degrees of freedom; from phase
+        :data:`APPROACH_PHASE` on a straight approach.
     arm
         The arm with its tool.
     broadening
-        Radians of standard deviation added to every weight, so that starts and berries that no demonstration had are
-        reached too.
+        Radians of standard deviation added to every weight, so that starts and berries that no demonstration
+        had are reached too.
     name
         Name of the planner.
 
@@ -82,6 +82,7 @@ class ProMPDepthPlanner:
                 f"{self.name}: a joint-space distribution over 7 joints is needed, "
                 f"got {self.promp.space} space with {self.promp.dimensions}"
             )
+        self._prior = self.promp.broadened(self.broadening)
 
     @classmethod
     def from_bundle(
@@ -100,10 +101,10 @@ class ProMPDepthPlanner:
         return cls(TrajectoryDistribution.from_json(data), Panda() if arm is None else arm)
 
     def plan(self, frame: Frame, target: Target, start: ArrayLike) -> TrajectoryDistribution:
-        """Distribution of joint-space reaches from ``start`` to the target's picking point.
+        """Plan a distribution of joint-space reaches from ``start`` to the target's picking point.
 
-        The mean's tool comes in along a straight line (within 4 mm over the last 70 mm), along ``target.approach``
-        if that is given, and ends at the picking point.
+        The mean's tool comes in along a straight line (within 4 mm over the last 70 mm), along
+        ``target.approach`` if that is given, and ends at the picking point.
 
         Parameters
         ----------
@@ -117,42 +118,45 @@ class ProMPDepthPlanner:
         Raises
         ------
         PlanningError
-            ``no depth: …`` without a picking point, ``out of reach: …`` if no posture brings the tool there, and
-            ``no straight approach: …`` if none of those can be entered on a straight line.
+            ``no depth: …`` without a picking point, ``out of reach: …`` if no posture brings the tool there,
+            and ``no straight approach: …`` if none of those can be entered on a straight line.
         """
         q_start = np.asarray(start, dtype=np.float64)
         if q_start.shape != (7,) or not np.isfinite(q_start).all():
             raise PlanningError(f"start: seven joint angles are needed, got {q_start.shape} {start!r}")
-        if target.picking_point is None:
+        point = target.picking_point
+        if point is None:
             raise PlanningError(
                 f"no depth: berry {target.berry_id} has no picking point in space; look again from elsewhere"
             )
-        prior = self.promp.broadened(self.broadening)
+        prior = self._prior
         via_start = ViaPoint(0.0, q_start)
         started = prior.condition([via_start])
-        straightest = np.inf
-        for end, rotation in self._ranked_ends(started, target):
-            via_points = self._approach(started, target.picking_point, end, rotation)
+        reasons = []
+        for end, rotation in self._ranked_ends(started, target, point):
+            via_points = self._approach(started, point, end, rotation)
             if via_points is None:
+                reasons.append("the arm can't follow the line in")
                 continue
             planned = prior.condition([via_start, *via_points])
-            deviation = self._deviation(planned, target.picking_point, rotation)
-            if deviation <= LARGEST_DEVIATION and self._inside(planned):
+            deviation = self._deviation(planned, point, rotation)
+            if deviation > LARGEST_DEVIATION:
+                reasons.append(f"the tool would leave the line in by {1e3 * deviation:.0f} mm")
+            elif not self.arm.within_limits(planned.mean(CHECKED_PHASES), SMALLEST_MARGIN).all():
+                reasons.append("a joint would come to its limit")
+            else:
                 return planned
-            straightest = min(straightest, deviation)
-        detail = (
-            "the arm can't follow one" if np.isinf(straightest) else f"{1e3 * straightest:.0f} mm off at best"
-        )
         raise PlanningError(
-            f"no straight approach: berry {target.berry_id} at {_metres(target.picking_point)}, {detail}"
+            f"no straight approach: berry {target.berry_id} at {_metres(point)}: "
+            f"{'; '.join(dict.fromkeys(reasons))}"
         )
 
     def _ranked_ends(
-        self, started: TrajectoryDistribution, target: Target
+        self, started: TrajectoryDistribution, target: Target, point: NDArray[np.float64]
     ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """Joints at the grip pose with its rotation, for each approach direction that is reachable, best first."""
-        rotations = _fan(target)
-        poses = approach_poses(target.picking_point, rotations, [0.0])[:, 0]
+        """Joints at the grip pose and its rotation, for each direction that is reachable, best first."""
+        rotations = _fan(target, point)
+        poses = approach_poses(point, rotations, [0.0])[:, 0]
         joints, distance = likely_joints(
             self.arm, poses, started.mean([1.0])[0], started.covariance([1.0])[0]
         )
@@ -160,7 +164,7 @@ class ProMPDepthPlanner:
         if not reached.any():
             raise PlanningError(
                 f"out of reach: no posture of the arm brings the tool to berry {target.berry_id} "
-                f"at {_metres(target.picking_point)}"
+                f"at {_metres(point)}"
             )
         joints, rotations, distance = joints[reached], rotations[reached], distance[reached]
         margin = np.maximum(self.arm.limit_margin(joints), 1e-3)
@@ -172,12 +176,11 @@ class ProMPDepthPlanner:
     def _approach(
         self,
         started: TrajectoryDistribution,
-        grip_point: NDArray[np.float64] | None,
+        grip_point: NDArray[np.float64],
         end: NDArray[np.float64],
         rotation: NDArray[np.float64],
     ) -> list[ViaPoint] | None:
         """Via-points on the line in, the last at ``end``; None if the arm can't be on the line."""
-        assert grip_point is not None
         to_end = started.condition([ViaPoint(1.0, end)])
         phases = VIA_PHASES[:-1]
         share_left = (1.0 - phases) / (1.0 - APPROACH_PHASE)
@@ -190,7 +193,7 @@ class ProMPDepthPlanner:
     def _deviation(
         self, planned: TrajectoryDistribution, grip_point: NDArray[np.float64], rotation: NDArray[np.float64]
     ) -> float:
-        """Largest distance in metres of the mean's tool from the line in, over its last :data:`CHECKED_DISTANCE`."""
+        """Largest distance (metres) of the mean's tool from the last :data:`CHECKED_DISTANCE` of the line."""
         last = CHECKED_PHASES[CHECKED_PHASES >= APPROACH_PHASE]
         points = self.arm.forward_kinematics_tool(planned.mean(last))[:, :3, 3] - grip_point
         along = points @ rotation[:, 2]
@@ -198,22 +201,18 @@ class ProMPDepthPlanner:
         overshoot = max(float(along.max()), 0.0)
         return max(float(aside[along >= -CHECKED_DISTANCE].max()), overshoot)
 
-    def _inside(self, planned: TrajectoryDistribution) -> bool:
-        return bool(self.arm.within_limits(planned.mean(CHECKED_PHASES), SMALLEST_MARGIN).all())
 
-
-def _fan(target: Target) -> NDArray[np.float64]:
+def _fan(target: Target, point: NDArray[np.float64]) -> NDArray[np.float64]:
     """Tool rotations (C, 3, 3) to try: the asked one, or a fan around the comfortable one, that one first."""
     if target.approach is not None:
         try:
             return approach_rotation(*angles_of_approach(target.approach))[None]
         except ConfigurationError as error:
             raise PlanningError(f"approach of berry {target.berry_id}: {error}") from error
-    assert target.picking_point is not None
-    yaw, pitch = comfortable_angles(target.picking_point)
+    yaw, pitch = comfortable_angles(point)
     yaws, pitches = np.meshgrid(yaw + YAW_FAN, pitch + PITCH_FAN)
     return approach_rotation(yaws.ravel(), pitches.ravel())
 
 
-def _metres(point: NDArray[np.float64] | None) -> str:
-    return "unknown" if point is None else "({:.3f}, {:.3f}, {:.3f}) m".format(*point)
+def _metres(point: NDArray[np.float64]) -> str:
+    return "({:.3f}, {:.3f}, {:.3f}) m".format(*point)

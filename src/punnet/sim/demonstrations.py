@@ -1,7 +1,7 @@
 """Simulated demonstrations of reach-to-pick, by the thesis' protocol (section 6.1), kinematically.
 
-For each of 25 berry positions the arm reaches 10 times from home. As in the thesis the repeats differ by a random
-via-point and by the final orientation; here the elbow varies too, as it does between human demonstrations. Every
+For each of 25 berry positions the arm reaches 10 times from home. As in the thesis the repeats differ by a
+random via-point and by the final orientation; here the elbow varies too, as it does between people's. Every
 reach ends with a straight approach along the tool's z axis.
 """
 
@@ -27,7 +27,7 @@ WORKSPACE: NDArray[np.float64] = np.array([[0.70, -0.22, 0.58], [0.80, 0.18, 0.8
 
 ORIENTATION_STD = np.deg2rad([6.0, 3.5, 2.5])  # yaw, pitch, roll of the tool at the berry
 PITCH_RANGE = np.deg2rad([-15.0, 10.0])
-# The posture that the arm tends to: how willing each joint is to leave it, and how much it differs between reaches.
+# The posture the arm tends to: how willing each joint is to leave it, how much it differs between reaches.
 POSTURE_COVARIANCE = np.diag(np.square([0.2, 0.4, 0.2, 0.5, 0.3, 0.4, 0.5]))
 POSTURE_STD = np.array([0.06, 0.12, 0.06, 0.15, 0.10, 0.12, 0.15])
 VIA_POSITION_STD = 0.03  # metres
@@ -129,7 +129,7 @@ def simulate_demonstrations(
             f"got {configurations}, {repeats}, {samples}"
         )
     arm = Panda() if arm is None else arm
-    centres = rng.uniform(*WORKSPACE, size=(configurations, 3))
+    centres = rng.uniform(WORKSPACE[0], WORKSPACE[1], size=(configurations, 3))
     targets = np.repeat(centres, repeats, axis=0)
     joints = _reaches(rng, arm, targets, np.linspace(0.0, 1.0, samples))
     return Demonstrations(
@@ -179,7 +179,7 @@ def _approaches(rng: np.random.Generator, arm: Panda, targets: NDArray[np.float6
 def _join(
     rng: np.random.Generator, arm: Panda, approach: NDArray[np.float64], phase: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Reach (T, 7) from home over a random via-point to the approach, which slows down evenly until it stops."""
+    """Reach (T, 7) from home over a random via-point to the approach, which slows down until it stops."""
     along = CubicSpline(
         np.linspace(0.0, 1.0, len(approach)), approach
     )  # over the share of the distance covered
@@ -197,9 +197,8 @@ def _join(
         bc_type=((1, np.zeros(7)), (1, entry_rate)),
     )
     covered = 1.0 - (np.clip(1.0 - phase, 0.0, length) / length) ** 2
-    return np.where(
-        (phase < APPROACH_PHASE)[:, None], free(np.minimum(phase, APPROACH_PHASE)), along(covered)
-    )
+    before = (phase < APPROACH_PHASE)[:, None]
+    return np.asarray(np.where(before, free(np.minimum(phase, APPROACH_PHASE)), along(covered)))
 
 
 def _durations(arm: Panda, joints: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -61,7 +61,8 @@ def build_reach_bundle(
         kind="promp",
         licence="Apache-2.0",
         created=created,
-        command=f"punnet demos simulate --configs {configurations} --repeats {repeats} --seed {seed} --bundle DIR",
+        command=f"punnet demos simulate --configs {configurations} --repeats {repeats} --seed {seed} "
+        "--bundle DIR",
         seed=seed,
         data={
             "source": "simulated kinematically, thesis section 6.1 (punnet.sim.demonstrations)",
@@ -98,8 +99,8 @@ def evaluate_leaving_one_out(demonstrations: Demonstrations, arm: Panda) -> dict
     dict
         ``coverage_2_sigma``: share of unseen joint values within two standard deviations (0.954 if Gaussian);
         ``mean_final_error_m``: mean distance from the unconditioned mean's last tool position to the berry;
-        ``planned``: share of the berries that the planner reached; ``planned_final_error_m``: the largest error of
-        those; ``planned_path_rms_rad``: root mean square difference from the mean of the unseen reaches.
+        ``planned``: share of the berries that the planner reached; ``planned_final_error_m``: their largest
+        error; ``planned_path_rms_rad``: root mean square difference from the mean of the unseen reaches.
     """
     phase = np.linspace(0.0, 1.0, demonstrations.joints.shape[1])
     inside, unconditioned, final, path = [], [], [], []
