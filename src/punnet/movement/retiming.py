@@ -1,13 +1,12 @@
 """From a joint path without time to a trajectory that an arm may execute: rest to rest, within limits.
 
-1. The path is rounded to a quintic B-spline (C⁴, so even jerk is continuous along it) whose control points
-   lie on the path: the curve stays in the hull of the path, so it can't overshoot a joint limit, and starts
-   and ends exactly where the path does.
-2. The fastest motion along it within velocity and acceleration limits (:mod:`punnet.movement.path_speed`) is
-   low-passed in time by a triangle, which bounds and smooths jerk and never leaves the path.
-3. The sampled trajectory is verified between its samples too. Where a limit does not hold the arm is told to
-   go slower there and step 2 repeats; what is left is stretched in time: by a factor k, velocity,
-   acceleration and jerk fall by k, k² and k³.
+1. The path is rounded to a quintic B-spline (C⁴, so even jerk is continuous along it) whose control
+   points lie on the path: the curve stays in the hull of the path, so it can't overshoot a joint limit,
+   and starts and ends exactly where the path does.
+2. The place x on the path follows a jerk-limited profile (ruckig). Its bounds come from
+   ``q̇ = q'ẋ``, ``q̈ = q''ẋ² + q'ẍ``, ``q⃛ = q'''ẋ³ + 3q''ẋẍ + q'x⃛`` at their largest along the path.
+3. The sampled trajectory is verified between its samples too, and stretched in time until velocity,
+   acceleration and jerk hold: by a factor k they fall by k, k² and k³.
 """
 
 from __future__ import annotations
@@ -16,23 +15,18 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import BSpline, PPoly
+from ruckig import InputParameter, Ruckig
+from ruckig import Trajectory as RuckigTrajectory
+from scipy.interpolate import BSpline
 
 from punnet.errors import ConfigurationError, KinematicsError, ShapeError
 from punnet.movement.joint_trajectory import JointTrajectory
-from punnet.movement.path_speed import fastest_motion
 
 __all__ = ["JointLimits", "retime"]
 
 DEGREE = 5
 CONTROL_POINTS = (6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
-GRID = 200
-"""Least number of steps along the path in which its speed is chosen."""
-EASING_ROUNDS = 3
-EASED = 1.01
-"""An excess over the limits up to this is left to stretching."""
-LOW_PASS_STEPS = 2
-"""Half the width of the low-pass in time steps: changes of acceleration must show in the samples."""
+VELOCITY_FRACTIONS = (1.0, 0.9, 0.8, 0.7, 0.55, 0.4)
 SAME_POINT = 1e-9
 POSITION_TOLERANCE = 1e-6
 SUBSAMPLES = 8
@@ -147,7 +141,10 @@ def retime(
         )
     allowed = limits.slowed(speed)
     spline = _rounded(points, allowed.velocity, tolerance)
-    return _timed(spline, allowed, time_step, LOW_PASS_STEPS * time_step / speed)
+    candidates = (
+        _timed(spline, profile, allowed, time_step) for profile in _profiles(spline, allowed, time_step)
+    )
+    return min(candidates, key=lambda trajectory: trajectory.duration)
 
 
 def _validated_path(path: ArrayLike, limits: JointLimits) -> NDArray[np.float64]:
@@ -199,99 +196,80 @@ def _on_polyline(
     return np.stack([np.interp(where, x, column) for column in points.T], axis=1)
 
 
-def _timed(spline: BSpline, limits: JointLimits, time_step: float, half_width: float) -> JointTrajectory:
-    """Find the fastest trajectory along the spline, eased where its smoothed motion breaks the limits."""
+def _profiles(spline: BSpline, limits: JointLimits, time_step: float) -> list[RuckigTrajectory]:
+    """Jerk-limited rest-to-rest motions of x, one per trade of cruising speed against acceleration."""
     length = float(spline.t[-1])
-    x = np.linspace(0.0, length, max(GRID, 2 * len(spline.c)) + 1)
-    first, second = spline(x, nu=1), spline(x, nu=2)
-    ease = np.ones(len(x))
-    best: JointTrajectory | None = None
-    for _ in range(EASING_ROUNDS):
-        velocity, acceleration = np.outer(ease, limits.velocity), np.outer(ease**2, limits.acceleration)
-        motion = _Motion(
-            spline, fastest_motion(first, second, float(x[1]), velocity, acceleration), half_width
-        )
-        count = max(MINIMUM_STEPS, int(np.ceil(motion.duration / time_step - 1e-9)))
-        times, excess = _excess(motion.sampled(count, time_step, limits.joint_names), limits)
-        trajectory = _stretched(motion, int(np.ceil(count * excess.max())), time_step, limits)
-        if best is None or trajectory.duration < best.duration:
-            best = trajectory
-        if excess.max() <= EASED:
-            break
-        where = times * motion.duration / (count * time_step) - half_width
-        ease /= np.maximum(1.0, _window_maximum(where, excess, motion.place.x[1:-1], half_width))
-    assert best is not None
-    return best
+    grid = np.linspace(0.0, length, 513)
+    first, second, third = (np.abs(spline(grid, nu=order)) for order in (1, 2, 3))
+    first = np.maximum(first, 1e-12)
+    fastest = min(
+        float((limits.velocity / first).min()),
+        float(np.sqrt(limits.acceleration / np.maximum(second, 1e-12)).min()),
+    )
+    profiles = []
+    for fraction in VELOCITY_FRACTIONS:
+        velocity = fraction * fastest
+        free = 0.1 * limits.acceleration
+        acceleration = float((np.maximum(limits.acceleration - second * velocity**2, free) / first).min())
+        used = third * velocity**3 + 3 * second * velocity * acceleration
+        jerk = float((np.maximum(limits.jerk - used, 0.1 * limits.jerk) / first).min())
+        # A change of acceleration within one sample could not be represented by the samples.
+        jerk = min(jerk, acceleration / (2 * time_step))
+        profiles.append(_one_axis(length, velocity, acceleration, jerk))
+    return profiles
 
 
-class _Motion:
-    """A spline q(x), a place x(t) on it, and the low-pass over time between them."""
-
-    def __init__(self, spline: BSpline, place: PPoly, half_width: float) -> None:
-        self.spline = spline
-        self.half_width = half_width
-        self.fastest = float(place.x[-1])
-        # At rest before and after, as far as the low-pass looks.
-        times = np.concatenate(([-2 * half_width], place.x, [self.fastest + 2 * half_width]))
-        rest = np.array([[[0.0], [0.0], [0.0]], [[0.0], [0.0], [float(spline.t[-1])]]])
-        self.place = PPoly(np.concatenate((rest[0], place.c, rest[1]), axis=1), times)
-        self.integrals = (self.place.antiderivative(2), self.place.antiderivative(1), self.place)
-
-    @property
-    def duration(self) -> float:
-        return self.fastest + 2 * self.half_width
-
-    def sampled(self, count: int, time_step: float, joint_names: tuple[str, ...]) -> JointTrajectory:
-        """``count`` steps, stretched from the motion's own duration to ``count · time_step``."""
-        stretch = count * time_step / self.duration
-        clock = np.linspace(-self.half_width, self.fastest + self.half_width, count + 1)
-        before = np.maximum(clock - self.half_width, self.place.x[0])
-        after = np.minimum(clock + self.half_width, self.place.x[-1])
-        # Low-pass by a triangle: second differences of the second integral, and so on for its derivatives.
-        x, rate, change = ((f(after) - 2 * f(clock) + f(before)) / self.half_width**2 for f in self.integrals)
-        rate, change = rate[:, None] / stretch, change[:, None] / stretch**2
-        for ends in (rate, change):
-            ends[[0, -1]] = 0.0
-        x = np.clip(x, 0.0, self.spline.t[-1])
-        x[0], x[-1] = 0.0, self.spline.t[-1]
-        first, second = self.spline(x, nu=1), self.spline(x, nu=2)
-        return JointTrajectory(
-            np.arange(count + 1, dtype=np.float64) * time_step,
-            self.spline(x),
-            first * rate,
-            second * rate**2 + first * change,
-            joint_names,
-        )
+def _one_axis(length: float, velocity: float, acceleration: float, jerk: float) -> RuckigTrajectory:
+    problem = InputParameter(1)
+    problem.current_position, problem.target_position = [0.0], [length]
+    problem.max_velocity, problem.max_acceleration, problem.max_jerk = [velocity], [acceleration], [jerk]
+    profile = RuckigTrajectory(1)
+    Ruckig(1).calculate(problem, profile)
+    return profile
 
 
-def _stretched(motion: _Motion, count: int, time_step: float, limits: JointLimits) -> JointTrajectory:
-    """Sample the motion in the fewest time steps from ``count`` on that hold the limits."""
-    count = max(MINIMUM_STEPS, count)
+def _timed(
+    spline: BSpline, profile: RuckigTrajectory, limits: JointLimits, time_step: float
+) -> JointTrajectory:
+    """Sample the spline along the profile, in the fewest time steps that hold the limits."""
+    count = max(MINIMUM_STEPS, int(np.ceil(profile.duration / time_step)))
+    excess = _excess(_sampled(spline, profile, count, time_step, limits), limits)
+    count = max(MINIMUM_STEPS, int(np.ceil(count * excess)))
     while True:
-        trajectory = motion.sampled(count, time_step, limits.joint_names)
-        excess = float(_excess(trajectory, limits)[1].max())
+        trajectory = _sampled(spline, profile, count, time_step, limits)
+        excess = _excess(trajectory, limits)
         if excess <= 1.0:
             return trajectory
         count = max(count + 1, int(np.ceil(count * excess)))
 
 
-def _excess(
-    trajectory: JointTrajectory, limits: JointLimits
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Find how much time would have to be stretched for the limits to hold, at many times."""
+def _sampled(
+    spline: BSpline, profile: RuckigTrajectory, count: int, time_step: float, limits: JointLimits
+) -> JointTrajectory:
+    """``count`` steps along the profile, stretched from its own duration to ``count · time_step``."""
+    stretch = count * time_step / profile.duration
+    clock = np.linspace(0.0, profile.duration, count + 1)
+    states = np.array([[values[0] for values in profile.at_time(time)] for time in clock[1:-1]])
+    x, rate, change = np.vstack(([0.0, 0.0, 0.0], states, [spline.t[-1], 0.0, 0.0])).T[:, :, None]
+    rate = rate / stretch
+    change = change / stretch**2
+    x = np.clip(x[:, 0], 0.0, spline.t[-1])
+    first, second = spline(x, nu=1), spline(x, nu=2)
+    return JointTrajectory(
+        np.arange(count + 1, dtype=np.float64) * time_step,
+        spline(x),
+        first * rate,
+        second * rate**2 + first * change,
+        limits.joint_names,
+    )
+
+
+def _excess(trajectory: JointTrajectory, limits: JointLimits) -> float:
+    """Factor by which the time must be stretched for the limits to hold; ≤ 1 if they do."""
     substeps = np.linspace(0.0, 1.0, SUBSAMPLES, endpoint=False)
     times = (trajectory.times[:-1, None] + substeps * np.diff(trajectory.times)[:, None]).ravel()
-    factor = np.zeros(len(times))
+    factor = 0.0
     for order, bound in ((1, limits.velocity), (2, limits.acceleration), (3, limits.jerk)):
-        worst = (np.abs(trajectory.sample(times, derivative=order)) / bound).max(axis=1)
-        factor = np.maximum(factor, worst ** (1.0 / order))
-    return times, factor
-
-
-def _window_maximum(
-    times: NDArray[np.float64], values: NDArray[np.float64], centres: NDArray[np.float64], half_width: float
-) -> NDArray[np.float64]:
-    """Largest of the values whose times lie within ``half_width`` of each centre; 0 where none does."""
-    begin = np.searchsorted(times, centres - half_width)
-    end = np.searchsorted(times, centres + half_width, side="right")
-    return np.array([values[i:j].max(initial=0.0) for i, j in zip(begin, end, strict=True)])
+        worst = float((np.abs(trajectory.sample(times, derivative=order)) / bound).max())
+        factor = max(factor, worst ** (1.0 / order))
+    return factor
