@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,8 +60,6 @@ class Berry:
     ----------
     mesh
         Watertight, with texture coordinates.
-    texture
-        uint8 (256, 256, 3).
     stage, form
         Ripeness and shape class.
     length, width, depth
@@ -71,12 +70,13 @@ class Berry:
         Grams per cubic centimetre.
     centre, semi_axes
         (3,) each: the ellipsoid, along the axes, with the berry's centre of volume and second moments.
+    shape, scale, paint_seed
+        What :attr:`texture` is painted from.
     keypoints
         ``top``, ``bottom``, ``left_grasp`` (widest point towards −x) and ``right_grasp``, each (3,).
     """
 
     mesh: Mesh
-    texture: NDArray[np.uint8]
     stage: RipenessStage
     form: BerryForm
     length: float
@@ -86,7 +86,15 @@ class Berry:
     density: float
     centre: NDArray[np.float64]
     semi_axes: NDArray[np.float64]
+    shape: BerryShape
+    scale: float
+    paint_seed: int
     keypoints: dict[str, NDArray[np.float64]]
+
+    @cached_property
+    def texture(self) -> NDArray[np.uint8]:
+        """The skin, uint8 (256, 256, 3), painted when first asked for: growing a plant tries more berries than it keeps."""
+        return paint_berry(np.random.default_rng(self.paint_seed), self.shape, self.scale, int(self.stage))
 
     @property
     def mass(self) -> float:
@@ -136,7 +144,6 @@ def make_berry(
     extent = np.ptp(mesh.vertices, axis=0)
     return Berry(
         mesh=mesh,
-        texture=paint_berry(rng, shape, scale, int(stage)),
         stage=stage,
         form=form,
         length=float(extent[2]),
@@ -146,6 +153,9 @@ def make_berry(
         density=density,
         centre=centre,
         semi_axes=semi_axes,
+        shape=shape,
+        scale=scale,
+        paint_seed=int(rng.integers(2**63)),
         keypoints=_keypoints(shape, mesh, scale),
     )
 

@@ -51,9 +51,7 @@ class BerryShape:
 
     def surface(self, theta: ArrayLike, phi: ArrayLike) -> NDArray[np.float64]:
         """Points (..., 3) at polar angle θ (0 at the calyx, π at the tip) and azimuth φ (0 along x)."""
-        theta, phi = np.broadcast_arrays(
-            np.asarray(theta, dtype=np.float64), np.asarray(phi, dtype=np.float64)
-        )
+        theta, phi = np.asarray(theta, dtype=np.float64), np.asarray(phi, dtype=np.float64)
         swell = 1.0 + self.taper * np.cos(theta)
         # the widest ring must have radius 1: maximum of sin θ (1 + k cos θ)
         k = max(self.taper, 1e-9)
@@ -65,14 +63,11 @@ class BerryShape:
         relief = 1.0 + ribs * np.sin(theta) ** 2
         down = (1.0 - np.cos(theta)) / 2.0
         lift = self.shoulder * np.sin(theta) ** 2 * np.exp(-(((theta - 0.75) / 0.45) ** 2)) * 2.0
-        return np.stack(
-            (
-                x_radius * np.cos(phi) * relief + self.bend[0] * down**2,
-                y_radius * np.sin(phi) * relief + self.bend[1] * down**2,
-                lift - down,
-            ),
-            axis=-1,
-        )
+        points = np.empty((*np.broadcast_shapes(theta.shape, phi.shape), 3))
+        points[..., 0] = x_radius * np.cos(phi) * relief + self.bend[0] * down**2
+        points[..., 1] = y_radius * np.sin(phi) * relief + self.bend[1] * down**2
+        points[..., 2] = lift - down
+        return points
 
     def mesh(self, *, rings: int = 18, segments: int = 32) -> Mesh:
         """Watertight unit mesh with texture coordinates (φ/2π, θ/π); the seam and the poles repeat vertices."""

@@ -6,14 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
 from punnet.sim.berry_shape import BerryShape
+from punnet.sim.noise import tiling_noise
 
 __all__ = ["TEXTURE_SIZE", "paint_berry"]
 
 TEXTURE_SIZE = 256
+_SHAPE = (TEXTURE_SIZE, TEXTURE_SIZE)
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 _Colour = tuple[float, float, float]
 
@@ -53,16 +54,34 @@ def paint_berry(rng: np.random.Generator, shape: BerryShape, scale: float, stage
     """
     palette = _PALETTES[stage]
     theta, phi = _texel_angles()
-    points = shape.surface(theta, phi) * scale * 1000.0  # millimetres
-    seeds, spacing = _place_achenes(rng, shape, scale)
-    nearest, distance, along = _to_achenes(points, seeds)
-    flesh = _flesh_colour(rng, palette, theta, phi)
-    return _compose(rng, palette, flesh, nearest, distance, along, spacing, theta)
+    points = (shape.surface(theta, phi) * scale * 1000.0).astype(np.float32)  # millimetres
+    achenes = _locate_achenes(rng, shape, scale, points)
+    colour = _flesh_colour(rng, palette, theta, phi)
+    colour = _dimpled(colour, achenes, palette)
+    colour = _with_glints(rng, colour, achenes, palette, theta)
+    colour = _with_achenes(rng, colour, achenes, palette)
+    return np.asarray(np.clip(colour, 0.0, 255.0), dtype=np.uint8)
+
+
+@dataclass(frozen=True, eq=False)
+class _Achenes:
+    """For each texel (H, W): its achene's index, how far it is, below it and beside it, mm; ``spacing`` of achenes."""
+
+    nearest: NDArray[np.int64]
+    distance: NDArray[np.float32]
+    below: NDArray[np.float32]
+    beside: NDArray[np.float32]
+    spacing: float
+
+    @property
+    def count(self) -> int:
+        return int(self.nearest.max()) + 1
 
 
 def _texel_angles() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Polar angles (H, 1) and azimuths (1, W) of the texels' centres."""
     centres = (np.arange(TEXTURE_SIZE) + 0.5) / TEXTURE_SIZE
-    return np.meshgrid(np.pi * centres, 2.0 * np.pi * centres, indexing="ij")
+    return np.pi * centres[:, None], 2.0 * np.pi * centres[None, :]
 
 
 def _place_achenes(
@@ -81,70 +100,72 @@ def _place_achenes(
     return shape.surface(seed_theta, seed_phi) * scale * 1000.0, float(np.sqrt(area[-1] / count))
 
 
-def _to_achenes(
-    points: NDArray[np.float64], seeds: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """For each texel: index of the nearest achene, distance to it, and how far below it (towards the tip), mm."""
-    distance, nearest = cKDTree(seeds).query(points.reshape(-1, 3))
+def _locate_achenes(
+    rng: np.random.Generator, shape: BerryShape, scale: float, points: NDArray[np.float32]
+) -> _Achenes:
+    """Place achenes and find every texel's own.
+
+    The nearest achene is looked up for blocks of 2 × 2 texels; what is painted fades out between achenes anyway.
+    """
+    seeds, spacing = _place_achenes(rng, shape, scale)
+    blocks = (points[::2, ::2] + points[1::2, 1::2]) / 2.0
+    _, found = cKDTree(seeds).query(blocks.reshape(-1, 3))
+    nearest = found.reshape(blocks.shape[:2]).repeat(2, axis=0).repeat(2, axis=1)
     meridian = np.gradient(points, axis=0)
     meridian /= np.maximum(np.linalg.norm(meridian, axis=-1, keepdims=True), 1e-9)
-    offset = points - seeds[nearest].reshape(points.shape)
-    along = np.einsum("ijk,ijk->ij", offset, meridian)
-    return nearest.reshape(points.shape[:2]), distance.reshape(points.shape[:2]), along
-
-
-def _noise(rng: np.random.Generator, sigma: float) -> NDArray[np.float64]:
-    """Smooth noise of unit deviation that closes around the berry."""
-    field = gaussian_filter(rng.normal(size=(TEXTURE_SIZE, TEXTURE_SIZE)), sigma, mode=("nearest", "wrap"))
-    return np.asarray(field / field.std())
+    offset = points - seeds.astype(np.float32)[nearest]
+    below = np.einsum("ijk,ijk->ij", offset, meridian)
+    squared = np.einsum("ijk,ijk->ij", offset, offset)
+    beside = np.sqrt(np.clip(squared - below**2, 0.0, None))
+    return _Achenes(nearest, np.sqrt(squared), below, beside, spacing)
 
 
 def _flesh_colour(
     rng: np.random.Generator, palette: _Palette, theta: NDArray[np.float64], phi: NDArray[np.float64]
-) -> NDArray[np.float64]:
+) -> NDArray[np.float32]:
     """Flesh (H, W, 3) in 0–255: red from the tip up and stronger on the sunny side, pale under the calyx."""
     sunny = np.cos(phi - rng.uniform(0.0, 2.0 * np.pi))
-    height = theta / np.pi + 0.16 * sunny + 0.05 * _noise(rng, 14.0)
+    height = (theta / np.pi + 0.16 * sunny).astype(np.float32) + 0.05 * tiling_noise(rng, _SHAPE, 14.0)
     edge = 1.02 - 1.05 * palette.red
-    redness = 1.0 / (1.0 + np.exp(-(height - edge) / 0.075))
+    redness = 1.0 / (1.0 + np.exp((edge - height) / 0.075))
     redness *= min(1.0, palette.red * 4.0) if palette.red < 0.5 else 1.0
-    colour = (1.0 - redness)[..., None] * np.array(palette.pale) + redness[..., None] * np.array(
-        palette.flesh
-    )
-    tone = 1.0 + 0.045 * _noise(rng, 20.0) + 0.025 * _noise(rng, 4.0)
-    return np.asarray(colour * tone[..., None])
+    pale, red = (np.array(colour, dtype=np.float32) for colour in (palette.pale, palette.flesh))
+    tone = 1.0 + 0.045 * tiling_noise(rng, _SHAPE, 20.0) + 0.025 * tiling_noise(rng, _SHAPE, 4.0)
+    return np.asarray((pale + redness[..., None] * (red - pale)) * tone[..., None])
 
 
-def _compose(
+def _dimpled(colour: NDArray[np.float32], achenes: _Achenes, palette: _Palette) -> NDArray[np.float32]:
+    """Shade the dimples: under light from above, the upper wall is in shade and the lower one catches it."""
+    reach = 0.34 * achenes.spacing
+    dimple = np.exp(-((achenes.distance / reach) ** 2))
+    relief = 1.0 - palette.dimple * dimple + 0.22 * np.clip(achenes.below / reach, -1.0, 1.0) * dimple
+    return np.asarray(colour * relief[..., None])
+
+
+def _with_glints(
     rng: np.random.Generator,
+    colour: NDArray[np.float32],
+    achenes: _Achenes,
     palette: _Palette,
-    flesh: NDArray[np.float64],
-    nearest: NDArray[np.int64],
-    distance: NDArray[np.float64],
-    along: NDArray[np.float64],
-    spacing: float,
     theta: NDArray[np.float64],
-) -> NDArray[np.uint8]:
-    """Dimples, achenes and the small reflections of the sky below each achene, over the flesh."""
-    reach = 0.34 * spacing
-    dimple = np.exp(-((distance / reach) ** 2))
-    # light from above: the upper wall of a dimple is in shade, the lower one catches it
-    relief = 1.0 - palette.dimple * dimple + 0.22 * np.clip(along / reach, -1.0, 1.0) * dimple
-    colour = flesh * relief[..., None]
+) -> NDArray[np.float32]:
+    """Add small reflections of the sky on the swelling below each achene, where the skin looks up."""
+    facing_up = (np.clip(np.cos(theta - 0.9), 0.0, 1.0) ** 2).astype(np.float32)
+    strength = rng.uniform(0.1, 1.0, achenes.count).astype(np.float32)[achenes.nearest]
+    away = ((achenes.below / achenes.spacing - 0.42) / 0.16) ** 2
+    away += (achenes.beside / (0.20 * achenes.spacing)) ** 2
+    glint = 0.55 * palette.gloss * np.exp(-away) * strength * facing_up
+    return np.asarray(colour + glint[..., None] * (np.array((255, 235, 230), dtype=np.float32) - colour))
 
-    facing_up = np.clip(np.cos(theta - 0.9), 0.0, 1.0) ** 2
-    count = int(nearest.max()) + 1
-    strength = rng.uniform(0.1, 1.0, count)[nearest]
-    glint_at = np.abs(along - 0.42 * spacing) / (0.16 * spacing)
-    across = np.sqrt(np.clip(distance**2 - along**2, 0.0, None)) / (0.20 * spacing)
-    glint = np.exp(-(glint_at**2) - across**2) * strength * facing_up * palette.gloss
-    colour += glint[..., None] * (np.array((255.0, 235.0, 230.0)) - colour) * 0.55
 
-    half_long, half_wide = max(0.20 * spacing, 0.5), max(0.125 * spacing, 0.32)
-    aside = np.clip(distance**2 - along**2, 0.0, None)
-    ellipse = np.sqrt((along / half_long) ** 2 + aside / half_wide**2)
-    seed = 1.0 / (1.0 + np.exp((ellipse - 1.0) / 0.18))
-    tint = rng.normal(1.0, 0.12, count)[nearest] * (1.0 - 0.25 * along / half_long * 0.5)
-    achene = np.array(palette.achene) * tint[..., None]
-    colour += seed[..., None] * (achene - colour)
-    return np.asarray(np.clip(colour, 0.0, 255.0), dtype=np.uint8)
+def _with_achenes(
+    rng: np.random.Generator, colour: NDArray[np.float32], achenes: _Achenes, palette: _Palette
+) -> NDArray[np.float32]:
+    """Lay the achenes on: ellipses along the meridian, each of its own tint, lit from above."""
+    half_long, half_wide = max(0.19 * achenes.spacing, 0.5), max(0.115 * achenes.spacing, 0.32)
+    away = np.sqrt((achenes.below / half_long) ** 2 + (achenes.beside / half_wide) ** 2)
+    cover = 1.0 / (1.0 + np.exp(np.clip((away - 1.0) / 0.18, -30.0, 30.0)))
+    tint = rng.normal(1.0, 0.12, achenes.count).astype(np.float32)[achenes.nearest]
+    tint *= 1.0 - 0.125 * np.clip(achenes.below / half_long, -2.0, 2.0)
+    achene = np.array(palette.achene, dtype=np.float32) * tint[..., None]
+    return np.asarray(colour + cover[..., None] * (achene - colour))

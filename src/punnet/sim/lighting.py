@@ -7,6 +7,8 @@ import numpy as np
 
 __all__ = ["add_lights", "set_render_quality"]
 
+_PLANT_CENTRE = np.array((0.75, -0.02, 0.78))
+
 
 def add_lights(spec: mujoco.MjSpec, rng: np.random.Generator) -> None:
     """Add a key light from above with shadows, a cool fill from the side and light that the pale ground throws up."""
@@ -18,11 +20,13 @@ def add_lights(spec: mujoco.MjSpec, rng: np.random.Generator) -> None:
         ("ground_bounce", (0.25, 0.0, 0.95), (0.17, 0.16, 0.145), 0.0, False),
     )
     for name, direction, diffuse, specular, shadow in lights:
+        towards = np.array(direction) / np.linalg.norm(direction)
         spec.worldbody.add_light(
             name=name,
             type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-            pos=(0.0, 0.0, 3.0),
-            dir=direction,
+            # the shadow map is a square about the light's axis: aim it at the plant
+            pos=_PLANT_CENTRE - 2.0 * towards,
+            dir=towards,
             diffuse=diffuse,
             ambient=(0.0, 0.0, 0.0),
             specular=(specular, specular, specular),
@@ -39,7 +43,7 @@ def set_render_quality(spec: mujoco.MjSpec) -> None:
     spec.stat.center = (0.6, 0.0, 0.8)
     spec.visual.map.znear = 0.02
     spec.visual.map.zfar = 30.0
-    spec.visual.map.shadowclip = 0.8
+    spec.visual.map.shadowclip = 0.6
     spec.visual.quality.shadowsize = 1024
     spec.visual.quality.offsamples = 4
     # stems and pipes are a few pixels wide: at MuJoCo's default 28 × 16 they would be most of the triangles

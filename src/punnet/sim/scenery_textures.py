@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from punnet.sim.noise import tiling_noise
+
 __all__ = [
     "paint_backdrop",
     "paint_bag",
@@ -19,47 +21,38 @@ __all__ = [
 _Image = NDArray[np.uint8]
 
 
-def _image(colour: NDArray[np.float64]) -> _Image:
+def _image(colour: NDArray[np.floating]) -> _Image:
     return np.asarray(np.clip(colour, 0.0, 255.0), dtype=np.uint8)
 
 
-def _tiling_noise(rng: np.random.Generator, shape: tuple[int, int], sigma: float) -> NDArray[np.float64]:
-    """Smooth noise of unit deviation that repeats without a seam."""
-    field = rng.normal(size=shape).astype(np.float32)
-    pad = min(int(3 * sigma) + 1, *shape)
-    wide = cv2.copyMakeBorder(field, pad, pad, pad, pad, cv2.BORDER_WRAP)
-    smooth = cv2.GaussianBlur(wide, (0, 0), sigma)[pad:-pad, pad:-pad]
-    return np.asarray(smooth / smooth.std(), dtype=np.float64)
-
-
 def paint_gravel(rng: np.random.Generator, *, size: int = 512) -> _Image:
-    """Pale limestone chippings with rusty and damp patches, tiling; (size, size, 3)."""
-    stones = _tiling_noise(rng, (size, size), 1.1)
+    """Paint pale limestone chippings with rusty and damp patches, tiling; (size, size, 3)."""
+    stones = tiling_noise(rng, (size, size), 1.1)
     shade = stones - np.roll(stones, (1, 1), axis=(0, 1))  # lit from one side, so that it reads as relief
     shade /= shade.std()
-    patches = np.clip(_tiling_noise(rng, (size, size), 40.0) - 0.6, 0.0, 1.5)[..., None]
-    tone = 1.0 + 0.045 * stones + 0.075 * shade + 0.03 * _tiling_noise(rng, (size, size), 24.0)
+    patches = np.clip(tiling_noise(rng, (size, size), 40.0) - 0.6, 0.0, 1.5)[..., None]
+    tone = 1.0 + 0.045 * stones + 0.075 * shade + 0.03 * tiling_noise(rng, (size, size), 24.0)
     tone -= 0.16 * np.clip(-stones - 1.3, 0.0, 1.0)
-    tint = 1.0 + 0.02 * _tiling_noise(rng, (size, size), 2.2)[..., None] * np.array((1.0, 0.2, -1.0))
+    tint = 1.0 + 0.02 * tiling_noise(rng, (size, size), 2.2)[..., None] * np.array((1.0, 0.2, -1.0))
     colour = np.array((204.0, 195.0, 186.0)) * tone[..., None] * tint
     return _image(colour * (1.0 - patches * np.array((0.06, 0.10, 0.15))))
 
 
 def paint_soil(rng: np.random.Generator) -> _Image:
-    """Bare soil with weeds, as between the rows of an older tunnel, tiling; (256, 256, 3)."""
+    """Paint bare soil with weeds, as between the rows of an older tunnel, tiling; (256, 256, 3)."""
     shape = (256, 256)
     crumbs, weeds = (
-        _tiling_noise(rng, shape, 1.2),
-        _tiling_noise(rng, shape, 5.0) + 0.5 * _tiling_noise(rng, shape, 1.5),
+        tiling_noise(rng, shape, 1.2),
+        tiling_noise(rng, shape, 5.0) + 0.5 * tiling_noise(rng, shape, 1.5),
     )
-    soil = np.array((122.0, 104.0, 86.0)) * (1.0 + 0.12 * crumbs[..., None])
-    green = np.array((96.0, 122.0, 66.0)) * (1.0 + 0.2 * crumbs[..., None])
+    soil = np.array((138.0, 122.0, 106.0)) * (1.0 + 0.10 * crumbs[..., None])
+    green = np.array((104.0, 120.0, 82.0)) * (1.0 + 0.14 * crumbs[..., None])
     cover = np.clip((weeds - rng.uniform(-0.4, 1.2)) / 0.6, 0.0, 1.0)[..., None]
     return _image(soil + cover * (green - soil))
 
 
 def paint_bag(rng: np.random.Generator) -> _Image:
-    """Black film of a growing bag, creased and printed; (128, 512, 3), rows around it, columns along it."""
+    """Paint the black film of a growing bag, creased and printed; (128, 512, 3), rows around it, columns along it."""
     height, width = 128, 512
     creases = cv2.GaussianBlur(rng.normal(size=(height, width)).astype(np.float32), (0, 0), 2.0, sigmaY=9.0)
     creases = np.clip(creases / creases.std() - 1.1, 0.0, 3.0)
@@ -72,12 +65,12 @@ def paint_bag(rng: np.random.Generator) -> _Image:
             print_layer, "coir", (column + 20, 76), cv2.FONT_HERSHEY_SIMPLEX, 1.0, 200, 2, cv2.LINE_AA
         )
         cv2.rectangle(print_layer, (column + 98, 48), (column + 138, 80), 170, 1, cv2.LINE_AA)
-    worn = np.clip(0.72 + 0.2 * _tiling_noise(rng, (height, width), 5.0), 0.0, 1.0) * print_layer / 255.0
+    worn = np.clip(0.72 + 0.2 * tiling_noise(rng, (height, width), 5.0), 0.0, 1.0) * print_layer / 255.0
     return _image(colour + worn[..., None] * np.array((120.0, 124.0, 128.0)))
 
 
 def paint_tape(rng: np.random.Generator) -> _Image:
-    """Woven tape that keeps the trusses off the gutter's edge; (32, 256, 3)."""
+    """Paint woven tape that keeps the trusses off the gutter's edge; (32, 256, 3)."""
     row, column = np.meshgrid(np.arange(32), np.arange(256), indexing="ij")
     weave = 0.5 + 0.5 * np.where((row // 2 + column // 2) % 2 == 0, 1.0, -1.0)
     tone = 74.0 + 46.0 * weave + rng.normal(0.0, 7.0, (32, 256))
@@ -86,36 +79,36 @@ def paint_tape(rng: np.random.Generator) -> _Image:
 
 
 def paint_zinc(rng: np.random.Generator) -> _Image:
-    """Galvanised sheet, weathered: faint streaks and stains; (128, 256, 3), tiling."""
+    """Paint galvanised sheet, weathered: faint streaks and stains; (128, 256, 3), tiling."""
     streaks = cv2.GaussianBlur(rng.normal(size=(128, 256)).astype(np.float32), (0, 0), 14.0, sigmaY=1.0)
     streaks = streaks / streaks.std()
-    spangle = _tiling_noise(rng, (128, 256), 1.5)
-    stain = np.clip(_tiling_noise(rng, (128, 256), 9.0) - 1.2, 0.0, 2.0)
+    spangle = tiling_noise(rng, (128, 256), 1.5)
+    stain = np.clip(tiling_noise(rng, (128, 256), 9.0) - 1.2, 0.0, 2.0)
     tone = 156.0 + 7.0 * streaks + 3.0 * spangle - 16.0 * stain
     return _image(tone[..., None] * np.array((0.965, 1.0, 1.03)))
 
 
 def paint_hedge(rng: np.random.Generator) -> _Image:
-    """A canopy seen from afar, tiling; (128, 128, 3)."""
+    """Paint a canopy seen from afar, tiling; (128, 128, 3)."""
     shape = (128, 128)
-    clumps = _tiling_noise(rng, shape, 1.6) + _tiling_noise(rng, shape, 4.0)
+    clumps = tiling_noise(rng, shape, 1.6) + tiling_noise(rng, shape, 4.0)
     return _image(np.array((74.0, 104.0, 60.0)) * (1.0 + 0.22 * clumps[..., None]))
 
 
 def paint_backdrop(rng: np.random.Generator) -> _Image:
-    """Far end of the tunnel, out of focus: bright sheet above, crops in haze, pale ground; (256, 512, 3)."""
+    """Paint the far end of the tunnel, out of focus: bright sheet above, crops in haze, pale ground; (256, 512, 3)."""
     height, width = 256, 512
     y = np.linspace(0.0, 1.0, height)[:, None, None]
     colour = np.broadcast_to(np.array((226.0, 230.0, 228.0)) * (1.0 - 0.08 * y), (height, width, 3)).copy()
     for column in range(0, width, 64):  # hoops of the tunnel
         colour[:, column : column + 2] -= 26.0
-    clumps = _tiling_noise(rng, (height, width), 3.0) + _tiling_noise(rng, (height, width), 10.0)
+    clumps = tiling_noise(rng, (height, width), 3.0) + tiling_noise(rng, (height, width), 10.0)
     green = np.array((98.0, 118.0, 84.0)) * (1.0 + 0.14 * clumps[..., None])
-    top = 0.60 + 0.02 * _tiling_noise(rng, (1, width), 9.0)[..., None]
+    top = 0.60 + 0.02 * tiling_noise(rng, (1, width), 9.0)[..., None]
     colour += np.clip((y - top) / 0.03, 0.0, 1.0) * (green - colour)
     shadow = np.clip((y - 0.74) / 0.05, 0.0, 1.0)  # below the gutters: legs, pipes and ground run together
     below = np.array((136.0, 134.0, 122.0)) * (1.0 + 0.05 * clumps[..., None])
     colour += shadow * (below - colour)
     ground = np.clip((y - 0.90) / 0.08, 0.0, 1.0)
     colour += ground * (np.array((188.0, 180.0, 170.0)) - colour)
-    return _image(cv2.GaussianBlur(colour.astype(np.float64), (0, 0), 1.6))
+    return _image(cv2.GaussianBlur(colour.astype(np.float32), (0, 0), 1.6))
