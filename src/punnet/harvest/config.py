@@ -33,8 +33,8 @@ class HarvestConfig:
         Grams that a punnet should hold.
     """
 
-    speed: float = 0.5
-    careful_speed: float = 0.25
+    speed: float = 0.9
+    careful_speed: float = 0.5
     retreat: float = 0.11
     attempts: int = 2
     same_berry: float = 0.025

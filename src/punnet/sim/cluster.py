@@ -59,7 +59,7 @@ class ClusterConfig:
     trusses: tuple[int, int] = (3, 3)
     berries: tuple[int, int] = (2, 4)
     stage_shares: dict[RipenessStage, float] = field(default_factory=_stage_shares)
-    clearance: float = 1.12
+    clearance: float = 1.25
     across: tuple[float, float] = (-0.24, 0.06)
     front: tuple[float, float] = (0.785, 0.80)
     lip_height: tuple[float, float] = (0.90, 0.915)
