@@ -262,9 +262,10 @@ def _annotation(berries: Strawberries, i: int) -> dict[str, Any]:
         "iscrowd": 0,
         "score": float(berries.scores[i]),
     }
-    if berries.masks is not None:
-        entry["segmentation"] = encode_mask(berries.masks[i])
-        entry["area"] = int(berries.masks[i].sum())
+    masks = berries.masks
+    if masks is not None:
+        entry["segmentation"] = encode_mask(masks[i])
+        entry["area"] = int(masks[i].sum())
     if np.isfinite(berries.ripeness[i]):
         entry["ripeness"] = float(berries.ripeness[i])
     if np.isfinite(berries.weights[i]):

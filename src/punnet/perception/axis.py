@@ -59,7 +59,7 @@ def berry_axis(mask: NDArray[np.uint8], leaf: NDArray[np.uint8], gravity_up: Vec
         principal = axes[:, 1] * np.sign(axes[:, 1] @ direction or 1.0)
         # An outline cut by a leaf or a neighbour is elongated across its axis: trust it less the more it lies
         # flat.
-        principal_weight = ELONGATION_WEIGHT * elongation * float(max(principal @ _unit(direction), 0.0)) ** 2
+        principal_weight = ELONGATION_WEIGHT * elongation * max(float(principal @ _unit(direction)), 0.0) ** 2
         direction = direction + principal_weight * principal
     return BerryAxis(centre, _unit(direction, fallback=gravity_up), evidence)
 
@@ -69,7 +69,7 @@ def _calyx_direction(
 ) -> tuple[Vector, float]:
     reach = max(2, round(0.15 * float(np.sqrt(mask.sum()))))
     window = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-    ring = cv2.dilate(mask, window) & (1 - mask)
+    ring = np.asarray(cv2.dilate(mask, window), dtype=np.uint8) & (1 - mask)
     v, u = np.nonzero(ring & leaf)
     total = int(ring.sum())
     if len(u) == 0 or total == 0:

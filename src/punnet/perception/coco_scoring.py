@@ -44,7 +44,7 @@ class Collection:
 
 @dataclass(frozen=True, slots=True)
 class ThresholdScores:
-    """Average precision by threshold, and AP and recall averaged over .50:.05:.95; NaN without annotations."""
+    """AP by threshold, and AP and recall averaged over .50:.05:.95; NaN without annotations."""
 
     ap: dict[float, float]
     ap_mean: float
@@ -67,7 +67,7 @@ def collect(truth: Iterable[Strawberries], predicted: Iterable[Strawberries]) ->
             )
         if annotated.image_size != found.image_size:
             raise ShapeError(
-                f"evaluation: image {index} is {annotated.image_size} in truth, {found.image_size} in predicted"
+                f"evaluation: image {index} is {annotated.image_size} in truth, {found.image_size} as predicted"
             )
         height, width = annotated.image_size
         collection.images.append({"id": index + 1, "height": height, "width": width})
@@ -161,7 +161,7 @@ def _tables(
     most_detections: int,
     categories: list[dict[str, Any]],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Precision (threshold, recall step, class) and recall (threshold, class); −1 where nothing is annotated."""
+    """Precision (threshold, recall step, class) and recall (threshold, class); −1 without annotations."""
     from faster_coco_eval import COCO, COCOeval_faster
 
     merged = len(categories) == 1

@@ -57,8 +57,8 @@ class ColourConfig:
     blobs: BlobConfig = field(default_factory=BlobConfig)
     keypoints: KeypointConfig = field(default_factory=KeypointConfig)
     working_pixels: int = 600_000
-    ripe: float = 0.8
-    score: float = 0.05
+    ripe: float = 0.65
+    score: float = 0.1
     most_berries: int = 100
     mask_bytes: int = 4_000_000_000
 
@@ -175,7 +175,7 @@ def _reduce(frame: Frame, scale: float) -> tuple[NDArray[np.uint8], NDArray[np.f
     rgb = cv2.resize(frame.rgb, size, interpolation=cv2.INTER_AREA)
     # Depth is picked, not averaged: a mean across an edge is a place where nothing is.
     depth = None if frame.depth is None else cv2.resize(frame.depth, size, interpolation=cv2.INTER_NEAREST)
-    return rgb, depth
+    return np.asarray(rgb, dtype=np.uint8), None if depth is None else np.asarray(depth, dtype=np.float32)
 
 
 def to_full_size(
@@ -193,12 +193,8 @@ def _paint(mask: NDArray[np.bool_], blob: Blob, working: tuple[int, ...]) -> NDA
     v0, v1 = (round(edge * height / working[0]) for edge in (rows.start, rows.stop))
     u0, u1 = (round(edge * width / working[1]) for edge in (columns.start, columns.stop))
     v1, u1 = max(v1, v0 + 1), max(u1, u0 + 1)
-    enlarged = blob.mask
-    if enlarged.shape != (v1 - v0, u1 - u0):
-        enlarged = (
-            cv2.resize(blob.mask * np.uint8(255), (u1 - u0, v1 - v0), interpolation=cv2.INTER_LINEAR) > 127
-        )
-    mask[v0:v1, u0:u1] = enlarged
+    enlarged = cv2.resize(blob.mask * np.uint8(255), (u1 - u0, v1 - v0), interpolation=cv2.INTER_LINEAR)
+    mask[v0:v1, u0:u1] = np.asarray(enlarged) > 127
     return np.array([u0, v0, u1, v1], dtype=np.float64)
 
 

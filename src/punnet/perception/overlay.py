@@ -57,7 +57,13 @@ def draw_overlay(rgb: NDArray[np.uint8], berries: Strawberries) -> NDArray[np.ui
     scale = max(0.5, min(rgb.shape[:2]) / 600.0)
     for i in range(len(berries)):
         if berries.masks is not None:
-            _tint(picture, berries.masks[i], berries.boxes[i], CLASS_COLOURS[berries.classes[i]], scale)
+            _tint(
+                picture,
+                np.asarray(berries.masks[i]),
+                berries.boxes[i],
+                CLASS_COLOURS[berries.classes[i]],
+                scale,
+            )
     for i in range(len(berries)):
         _frame_box(picture, berries.boxes[i], CLASS_COLOURS[berries.classes[i]], scale)
     if berries.keypoints is not None and berries.visibility is not None:

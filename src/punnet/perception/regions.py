@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from punnet.errors import ConfigurationError
 from punnet.perception.segmentation import BerryPixels
-from punnet.perception.watershed import region_contacts, split_touching
+from punnet.perception.watershed import region_contacts, solidity, split_touching
 
 __all__ = ["RegionConfig", "berry_regions", "depth_edges"]
 
@@ -30,7 +30,9 @@ class RegionConfig:
     smallest_area
         Smallest region, as a share of the working image's area.
     neck
-        Two candidates stay apart if their neck is narrower than this share of the smaller one (watershed).
+        A neck narrower than this share of the smaller candidate always parts two berries (watershed).
+    convex
+        Two candidates are one berry if their union fills at least this share of its convex hull.
     joined_solidity
         A red and a pale region are one turning berry if their union fills at least this share of its convex
         hull.
@@ -44,15 +46,24 @@ class RegionConfig:
     """
 
     red_opening: float = 0.008
-    pale_opening: float = 0.016
-    closing: float = 0.008
-    smallest_area: float = 3e-4
-    neck: float = 0.8
-    joined_solidity: float = 0.92
+    pale_opening: float = 0.018
+    closing: float = 0.006
+    smallest_area: float = 5e-4
+    neck: float = 0.85
+    convex: float = 0.87
+    joined_solidity: float = 0.9
     depth_jump: float = 0.012
 
     def __post_init__(self) -> None:
-        for name in ("red_opening", "pale_opening", "closing", "smallest_area", "neck", "joined_solidity"):
+        for name in (
+            "red_opening",
+            "pale_opening",
+            "closing",
+            "smallest_area",
+            "neck",
+            "convex",
+            "joined_solidity",
+        ):
             if not 0 < getattr(self, name) <= 1:
                 raise ConfigurationError(f"regions: {name} must lie in (0, 1], got {getattr(self, name)}")
 
@@ -85,8 +96,8 @@ def berry_regions(
     red = _clean(pixels.red, config.red_opening * side, config.closing * side)
     pale = _clean(pixels.pale & (1 - red), config.pale_opening * side, config.closing * side) & (1 - red)
     smallest = config.smallest_area * red.size
-    labels, count = _split(red, edges, smallest, config.neck)
-    pale_labels, pale_count = _split(pale, edges, smallest, config.neck)
+    labels, count = _split(red, edges, smallest, config)
+    pale_labels, pale_count = _split(pale, edges, smallest, config)
     labels = np.where(pale_labels > 0, pale_labels + count, labels).astype(np.int32)
     if count and pale_count:
         labels = _join_two_coloured(labels, count, config, side)
@@ -105,7 +116,7 @@ def _disc(diameter: float) -> NDArray[np.uint8]:
 
 
 def _split(
-    mask: NDArray[np.uint8], edges: NDArray[np.uint8] | None, smallest: float, neck: float
+    mask: NDArray[np.uint8], edges: NDArray[np.uint8] | None, smallest: float, config: RegionConfig
 ) -> tuple[NDArray[np.int32], int]:
     count, components, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
     labels = np.zeros(mask.shape, np.int32)
@@ -117,10 +128,15 @@ def _split(
         window = (slice(top, top + height), slice(left, left + width))
         region = _fill_holes((components[window] == component).astype(np.uint8))
         near_edges = None if edges is None else np.pad(edges[window], 1)
-        parts = split_touching(np.pad(region, 1), neck=neck, edges=near_edges)[1:-1, 1:-1]
-        free = (parts > 0) & (labels[window] == 0)
-        labels[window][free] = parts[free] + used
-        used += int(parts.max())
+        padded = split_touching(np.pad(region, 1), neck=config.neck, convex=config.convex, edges=near_edges)
+        parts = padded[1:-1, 1:-1]
+        # What is left of strands and corners is no berry of its own.
+        large = np.bincount(parts.ravel()) >= smallest
+        large[0] = False
+        numbers = np.where(large, np.cumsum(large) + used, 0).astype(np.int32)
+        free = (numbers[parts] > 0) & (labels[window] == 0)
+        labels[window][free] = numbers[parts][free]
+        used += int(large.sum())
     return labels, used
 
 
@@ -128,7 +144,7 @@ def _fill_holes(region: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Fill what the outline encloses, unless that is a large part: a ring of berries encloses leaves."""
     outlines, _ = cv2.findContours(region, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     filled = cv2.drawContours(np.zeros_like(region), outlines, -1, 1, cv2.FILLED)
-    return filled if int(filled.sum()) <= 1.3 * int(region.sum()) else region
+    return np.asarray(filled, dtype=np.uint8) if int(filled.sum()) <= 1.3 * int(region.sum()) else region
 
 
 def _join_two_coloured(
@@ -181,7 +197,5 @@ def _union_solidity(labels: NDArray[np.int32], windows: dict[int, Window], one: 
         min(windows[one][1].start, windows[two][1].start), max(windows[one][1].stop, windows[two][1].stop)
     )
     union = np.isin(labels[rows, columns], (one, two)).astype(np.uint8)
-    union = cv2.morphologyEx(np.pad(union, 3), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-    outlines, _ = cv2.findContours(union, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    hull = cv2.convexHull(np.concatenate(outlines))
-    return float(union.sum() / max(cv2.contourArea(hull) + 0.5 * len(hull), 1.0))
+    closed = cv2.morphologyEx(np.pad(union, 3), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    return solidity(np.asarray(closed, dtype=np.uint8))

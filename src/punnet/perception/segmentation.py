@@ -44,13 +44,13 @@ class ColourThresholds:
         If bounds are not finite or out of order.
     """
 
-    red_lowest: float = 13.0
-    red_highest: float = 22.0
-    red_growth: float = 0.65
-    red_hue_deg: float = 62.0
+    red_lowest: float = 10.0
+    red_highest: float = 18.0
+    red_growth: float = 0.45
+    red_hue_deg: float = 70.0
     pale_lightness: float = 36.0
-    pale_chroma: float = 14.0
-    pale_hue_deg: tuple[float, float] = (50.0, 109.0)
+    pale_chroma: float = 13.5
+    pale_hue_deg: tuple[float, float] = (60.0, 110.0)
     leaf_hue_deg: float = 105.0
     leaf_chroma: float = 10.0
 
@@ -171,4 +171,4 @@ def _grow(seeds: NDArray[np.uint8], region: NDArray[np.uint8]) -> NDArray[np.uin
     keep = np.zeros(count, dtype=np.uint8)
     keep[np.unique(labels[seeds > 0])] = 1
     keep[0] = 0
-    return keep[labels]
+    return np.asarray(keep[labels])

@@ -6,23 +6,29 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["region_contacts", "split_touching"]
+__all__ = ["region_contacts", "solidity", "split_touching"]
 
 
 def split_touching(
-    mask: NDArray[np.uint8], *, neck: float, edges: NDArray[np.uint8] | None = None
+    mask: NDArray[np.uint8],
+    *,
+    neck: float,
+    convex: float,
+    edges: NDArray[np.uint8] | None = None,
 ) -> NDArray[np.int32]:
     """Label the berries of one connected region.
 
-    Every local maximum of the distance to the background is a candidate berry; two candidates stay apart only
-    if the neck between them is narrower than ``neck`` times the smaller one's half width.
+    Every local maximum of the distance to the background is a candidate berry. Two candidates are one berry if
+    their union is convex enough and the neck between them is not narrow.
 
     Parameters
     ----------
     mask
         (H, W) uint8 0/1, one connected region with a margin of background around it.
     neck
-        In (0, 1]: 1 divides at every waist, small values at none.
+        In (0, 1]: narrower than this share of the smaller candidate, a neck always divides.
+    convex
+        In (0, 1]: smallest share of its convex hull that a union fills.
     edges
         (H, W) uint8 0/1: pixels where depth jumps, treated as background when distances are measured.
 
@@ -36,91 +42,115 @@ def split_touching(
     widest = float(distance.max())
     if widest < 2.0:
         return mask.astype(np.int32)
-    smooth = cv2.GaussianBlur(distance, (0, 0), max(0.8, 0.08 * widest))
-    markers = _markers(smooth, widest)
-    count = int(markers.max())
+    smooth = np.asarray(cv2.GaussianBlur(distance, (0, 0), max(0.8, 0.08 * widest)), dtype=np.float32)
+    labels, count = _climb(smooth, mask)
     if count <= 1:
         return mask.astype(np.int32)
-    labels = _flood(smooth, markers, mask)
-    return _merge_without_neck(labels, smooth, count, neck)
+    return _merge_convex(labels, smooth, count, neck, convex)
 
 
-def _markers(distance: NDArray[np.float32], widest: float) -> NDArray[np.int32]:
-    reach = max(3, int(0.5 * widest) * 2 + 1)
-    window = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach))
-    peaks = (distance >= cv2.dilate(distance, window) - 1e-6) & (distance > max(1.5, 0.3 * widest))
-    _, markers = cv2.connectedComponents(peaks.astype(np.uint8), connectivity=8)
-    return np.asarray(markers, dtype=np.int32)
+def _climb(distance: NDArray[np.float32], mask: NDArray[np.uint8]) -> tuple[NDArray[np.int32], int]:
+    """Basins of the watershed: each pixel belongs to the maximum that steepest ascent from it leads to.
+
+    Written out, because ``cv2.watershed`` floods by colour difference and cuts a distance relief in odd places.
+    """
+    height, width = mask.shape
+    # A tilt too small to matter breaks ties, so that a plateau has one maximum.
+    relief = np.pad(distance, 1, constant_values=-1.0) + np.linspace(
+        0, 1e-4, (height + 2) * (width + 2)
+    ).reshape(height + 2, width + 2)
+    steps = [(dv, du) for dv in (-1, 0, 1) for du in (-1, 0, 1)]
+    around = np.stack([relief[1 + dv : 1 + dv + height, 1 + du : 1 + du + width] for dv, du in steps])
+    offsets = np.array([dv * width + du for dv, du in steps])
+    target = np.arange(height * width) + offsets[around.argmax(axis=0)].ravel()
+    target[mask.ravel() == 0] = np.flatnonzero(mask.ravel() == 0)
+    while not np.array_equal(further := target[target], target):
+        target = further
+    inside = mask > 0
+    _, numbers = np.unique(target.reshape(mask.shape)[inside], return_inverse=True)
+    labels = np.zeros(mask.shape, np.int32)
+    labels[inside] = numbers + 1
+    return labels, int(labels.max())
 
 
-def _flood(
-    distance: NDArray[np.float32], markers: NDArray[np.int32], mask: NDArray[np.uint8]
+def _merge_convex(
+    labels: NDArray[np.int32], distance: NDArray[np.float32], count: int, neck: float, convex: float
 ) -> NDArray[np.int32]:
-    relief = (255.0 * (1.0 - distance / distance.max())).astype(np.uint8)
-    background = int(markers.max()) + 1
-    seeds = markers.copy()
-    seeds[mask == 0] = background
-    labels = cv2.watershed(cv2.merge((relief, relief, relief)), seeds)
-    labels[labels == background] = 0
-    # OpenCV leaves the boundary lines at −1: hand each of their pixels to a neighbouring berry.
-    window = np.ones((3, 3), np.uint8)
-    for _ in range(3):
-        open_pixels = (mask > 0) & (labels <= 0)
-        if not open_pixels.any():
-            break
-        grown = cv2.dilate(np.maximum(labels, 0).astype(np.float32), window).astype(np.int32)
-        labels[open_pixels] = grown[open_pixels]
-    return np.where(mask > 0, np.maximum(labels, 0), 0).astype(np.int32)
-
-
-def _merge_without_neck(
-    labels: NDArray[np.int32], distance: NDArray[np.float32], count: int, neck: float
-) -> NDArray[np.int32]:
+    """Join neighbours, most convex union first, until every union left is notched or meets at a narrow neck."""
     peak = np.zeros(count + 1)
     np.maximum.at(peak, labels.ravel(), distance.ravel())
-    parent = np.arange(count + 1)
+    area = np.bincount(labels.ravel(), minlength=count + 1).astype(np.float64)
+    hulls = _hulls(labels, count)
+    saddles = _saddles(labels, distance)
+    owner = np.arange(count + 1)
 
-    def root(label: int) -> int:
-        while parent[label] != label:
-            label = int(parent[label])
-        return label
+    def filled(one: int, two: int) -> float:
+        return float(area[one] + area[two]) / _hull_area(np.concatenate((hulls[one], hulls[two])))
 
-    passes = [
-        (saddle / max(min(peak[i], peak[j]), 1e-6), i, j) for (i, j), saddle in _saddles(labels, distance)
+    unions = {pair: filled(*pair) for pair in saddles}
+    while True:
+        open_pairs = [
+            (unions[pair], pair)
+            for pair, saddle in saddles.items()
+            if unions[pair] >= convex and saddle >= neck * min(peak[pair[0]], peak[pair[1]])
+        ]
+        if not open_pairs:
+            break
+        _, (kept, gone) = max(open_pairs)
+        owner[owner == gone] = kept
+        peak[kept] = max(peak[kept], peak[gone])
+        area[kept] += area[gone]
+        hulls[kept] = np.concatenate((hulls[kept], hulls[gone]))
+        saddles = _renamed(saddles, gone, kept)
+        unions = {
+            pair: filled(*pair) if kept in pair or pair not in unions else unions[pair] for pair in saddles
+        }
+    _, compact = np.unique(owner, return_inverse=True)
+    return np.asarray(compact.astype(np.int32)[labels])
+
+
+def _renamed(saddles: dict[tuple[int, int], float], gone: int, kept: int) -> dict[tuple[int, int], float]:
+    renamed: dict[tuple[int, int], float] = {}
+    for (one, two), height in saddles.items():
+        low, high = sorted((kept if one == gone else one, kept if two == gone else two))
+        if low != high:
+            renamed[low, high] = max(height, renamed.get((low, high), 0.0))
+    return renamed
+
+
+def _hulls(labels: NDArray[np.int32], count: int) -> list[NDArray[np.int32]]:
+    v, u = np.nonzero(labels)
+    order = np.argsort(labels[v, u], kind="stable")
+    points = np.column_stack((u, v))[order].astype(np.int32)
+    ends = np.cumsum(np.bincount(labels[v, u], minlength=count + 1))
+    return [np.zeros((0, 1, 2), np.int32)] + [
+        np.asarray(cv2.convexHull(points[ends[k] : ends[k + 1]]), dtype=np.int32) for k in range(count)
     ]
-    for ratio, i, j in sorted(passes, reverse=True):
-        first, second = root(i), root(j)
-        if first == second or ratio < neck:
-            continue
-        if peak[first] < peak[second]:
-            first, second = second, first
-        parent[second] = first
-    roots = np.array([root(label) for label in range(count + 1)])
-    _, compact = np.unique(roots, return_inverse=True)
-    return compact.astype(np.int32)[labels]
 
 
-def _saddles(labels: NDArray[np.int32], distance: NDArray[np.float32]) -> list[tuple[tuple[int, int], float]]:
+def _hull_area(points: NDArray[np.int32]) -> float:
+    hull = cv2.convexHull(points)
+    # contourArea measures between pixel centres: half the perimeter and a pixel make it comparable with a count.
+    return float(cv2.contourArea(hull) + cv2.arcLength(hull, True) / 2 + 1)
+
+
+def solidity(mask: NDArray[np.uint8]) -> float:
+    """Share of the convex hull that a region (H, W) 0/1 fills; 1 is convex."""
+    outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    return min(1.0, float(mask.sum()) / _hull_area(np.concatenate(outlines)))
+
+
+def _saddles(labels: NDArray[np.int32], distance: NDArray[np.float32]) -> dict[tuple[int, int], float]:
+    """Greatest distance on the border of each two neighbouring basins."""
     highest: dict[tuple[int, int], float] = {}
-    for one, two, height in _neighbours(labels, 1, distance):
-        key = (min(one, two), max(one, two))
-        highest[key] = max(highest.get(key, 0.0), height)
-    return list(highest.items())
-
-
-def _neighbours(
-    labels: NDArray[np.int32], step: int, values: NDArray[np.float32]
-) -> list[tuple[int, int, float]]:
-    found: list[tuple[int, int, float]] = []
     for axis in (0, 1):
-        near = np.moveaxis(labels, axis, 0)[:-step]
-        far = np.moveaxis(labels, axis, 0)[step:]
+        near, far = np.moveaxis(labels, axis, 0)[:-1], np.moveaxis(labels, axis, 0)[1:]
         touching = (near != far) & (near > 0) & (far > 0)
-        lower = np.minimum(np.moveaxis(values, axis, 0)[:-step], np.moveaxis(values, axis, 0)[step:])
-        found += list(
-            zip(near[touching].tolist(), far[touching].tolist(), lower[touching].tolist(), strict=True)
-        )
-    return found
+        height = np.minimum(np.moveaxis(distance, axis, 0)[:-1], np.moveaxis(distance, axis, 0)[1:])[touching]
+        pairs = np.sort(np.column_stack((near[touching], far[touching])), axis=1)
+        for one, two, value in zip(pairs[:, 0].tolist(), pairs[:, 1].tolist(), height.tolist(), strict=True):
+            highest[one, two] = max(highest.get((one, two), 0.0), value)
+    return highest
 
 
 def region_contacts(labels: NDArray[np.int32], step: int) -> dict[tuple[int, int], int]:
