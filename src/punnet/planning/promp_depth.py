@@ -38,7 +38,7 @@ APPROACH_PHASE = 0.7
 
 VIA_PHASES = np.array([0.7, 0.8, 0.9, 1.0])
 YAW_FAN = np.deg2rad([0.0, -12.0, 12.0])
-PITCH_FAN = np.deg2rad([0.0, 7.0, -4.0])
+PITCH_FAN = np.deg2rad([0.0, 7.0, -4.0, 16.0])
 CHECKED_DISTANCE = 0.07
 LARGEST_DEVIATION = 0.004
 CHECKED_PHASES = np.linspace(0.0, 1.0, 101)
