@@ -1,1 +1,23 @@
-"""TODO."""
+"""Grams by eye: silhouette, depth and intrinsics to a volume and a weight with its interval, before picking."""
+
+from punnet.weight.cloud import berry_cloud, relief_height
+from punnet.weight.ellipsoid import EllipsoidConfig, EllipsoidEstimator
+from punnet.weight.estimator import WeightEstimates, WeightEstimator
+from punnet.weight.metrics import PCW_TOLERANCES, WeightErrors, percent_correct_weight, weight_errors
+from punnet.weight.silhouette import Silhouette, hidden_share, measure_silhouette
+
+__all__ = [
+    "PCW_TOLERANCES",
+    "EllipsoidConfig",
+    "EllipsoidEstimator",
+    "Silhouette",
+    "WeightErrors",
+    "WeightEstimates",
+    "WeightEstimator",
+    "berry_cloud",
+    "hidden_share",
+    "measure_silhouette",
+    "percent_correct_weight",
+    "relief_height",
+    "weight_errors",
+]

@@ -38,10 +38,14 @@ class WeightEstimates:
     def __post_init__(self) -> None:
         n = len(self.reasons)
         if self.grams.shape != (n,) or self.intervals.shape != (n, 2):
-            raise ShapeError(f"weights: need ({n},) and ({n}, 2), got {self.grams.shape} and {self.intervals.shape}")
+            raise ShapeError(
+                f"weights: need ({n},) and ({n}, 2), got {self.grams.shape} and {self.intervals.shape}"
+            )
         missing = np.isnan(self.grams)
         if any((reason is None) == bool(gone) for reason, gone in zip(self.reasons, missing, strict=True)):
-            raise ShapeError("weights: an estimate that is NaN needs a reason, and one with grams must have none")
+            raise ShapeError(
+                "weights: an estimate that is NaN needs a reason, and one with grams must have none"
+            )
 
 
 @runtime_checkable
