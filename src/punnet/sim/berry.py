@@ -43,18 +43,20 @@ class RipenessStage(IntEnum):
 
     @property
     def pluckable(self) -> bool:
-        """Ripe and over-ripe berries are picked: left on the plant, an over-ripe berry rots and spreads mould."""
+        """Whether it is picked: ripe, and over-ripe too, for left on the plant it rots and spreads mould."""
         return self >= RipenessStage.RIPE
 
 
-# Length in metres of berries that still grow; ripe ones are drawn by mass, turning ones at most of their final mass.
+# Length in metres of berries that still grow; later stages are drawn by mass, turning ones a little lighter.
 _GROWING_LENGTHS = {RipenessStage.GREEN: (0.014, 0.028), RipenessStage.WHITE: (0.024, 0.036)}
 _MASS_SHARE = {RipenessStage.TURNING: 0.85, RipenessStage.RIPE: 1.0, RipenessStage.OVERRIPE: 1.0}
 
 
 @dataclass(frozen=True, eq=False)
 class Berry:
-    """One berry, in its own frame: origin at the calyx attachment, tip towards −z, width along x. Metres, grams.
+    """One berry in its own frame: origin at the calyx attachment, tip towards −z, width along x.
+
+    Metres and grams.
 
     Parameters
     ----------
@@ -93,7 +95,7 @@ class Berry:
 
     @cached_property
     def texture(self) -> NDArray[np.uint8]:
-        """The skin, uint8 (256, 256, 3), painted when first asked for: growing a plant tries more berries than it keeps."""
+        """The skin, uint8 (256, 256, 3); painted on first use, as more berries are tried than kept."""
         return paint_berry(np.random.default_rng(self.paint_seed), self.shape, self.scale, int(self.stage))
 
     @property
@@ -111,8 +113,8 @@ def make_berry(
 ) -> Berry:
     """Grow a berry, never the same twice.
 
-    Without ``length``, the mass of a ripe berry follows the measured distribution 18.6 ± 5.7 g within 4.8…38.9 g,
-    a turning one has 85% of such a mass, and white and green ones are drawn by length.
+    Without ``length``, the mass of a ripe berry follows the measured distribution, 18.6 ± 5.7 g within
+    4.8…38.9 g, a turning one has 85% of such a mass, and white and green ones are drawn by length.
 
     Parameters
     ----------

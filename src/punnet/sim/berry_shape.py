@@ -70,7 +70,7 @@ class BerryShape:
         return points
 
     def mesh(self, *, rings: int = 18, segments: int = 32) -> Mesh:
-        """Watertight unit mesh with texture coordinates (φ/2π, θ/π); the seam and the poles repeat vertices."""
+        """Triangulate: watertight, texture coordinates (φ/2π, θ/π), vertices repeated at seam and poles."""
         theta = np.linspace(0.0, np.pi, rings + 2)
         phi = np.linspace(0.0, 2.0 * np.pi, segments + 1)
         grid = self.surface(theta[:, None], phi[None, :] % (2.0 * np.pi))

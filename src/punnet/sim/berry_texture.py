@@ -21,7 +21,7 @@ _Colour = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class _Palette:
-    """Colours (RGB 0–255) of one stage: flesh before and after reddening, achenes; ``red`` share and ``gloss``."""
+    """One stage: colours (RGB 0–255) of flesh before and after reddening and of achenes; red share; depth."""
 
     pale: _Colour
     flesh: _Colour
@@ -41,7 +41,7 @@ _PALETTES = (
 
 
 def paint_berry(rng: np.random.Generator, shape: BerryShape, scale: float, stage: int) -> NDArray[np.uint8]:
-    """Texture (256, 256, 3) for the coordinates of :meth:`BerryShape.mesh`: row θ/π from the calyx, column φ/2π.
+    """Paint the texture (256, 256, 3) of :meth:`BerryShape.mesh`: row θ/π from the calyx, column φ/2π.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def paint_berry(rng: np.random.Generator, shape: BerryShape, scale: float, stage
 
 @dataclass(frozen=True, eq=False)
 class _Achenes:
-    """For each texel (H, W): its achene's index, how far it is, below it and beside it, mm; ``spacing`` of achenes."""
+    """Each texel (H, W): its achene's index and how far, how far below and beside it, mm; their spacing."""
 
     nearest: NDArray[np.int64]
     distance: NDArray[np.float32]
@@ -87,7 +87,7 @@ def _texel_angles() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 def _place_achenes(
     rng: np.random.Generator, shape: BerryShape, scale: float
 ) -> tuple[NDArray[np.float64], float]:
-    """Achenes (A, 3) in millimetres in golden-angle spiral order, one for each equal share of area; their spacing."""
+    """Place achenes (A, 3), mm, on a golden-angle spiral, one an equal share of area; and their spacing."""
     theta = np.linspace(0.0, np.pi, 400)
     ring = shape.surface(theta[:, None], np.linspace(0, 2 * np.pi, 8, endpoint=False)[None]) * scale * 1000.0
     radius = np.linalg.norm(ring[..., :2] - ring[..., :2].mean(axis=1, keepdims=True), axis=-1).mean(axis=1)
@@ -105,7 +105,7 @@ def _locate_achenes(
 ) -> _Achenes:
     """Place achenes and find every texel's own.
 
-    The nearest achene is looked up for blocks of 2 × 2 texels; what is painted fades out between achenes anyway.
+    The nearest achene is looked up for blocks of 2 × 2 texels: what is painted fades out between achenes.
     """
     seeds, spacing = _place_achenes(rng, shape, scale)
     blocks = (points[::2, ::2] + points[1::2, 1::2]) / 2.0

@@ -55,10 +55,10 @@ def sepal(
 
 
 def make_calyx(rng: np.random.Generator, berry_width: float) -> Mesh:
-    """A calyx for a berry ``berry_width`` metres across, in the berry's frame (origin at the attachment, z up).
+    """Grow a calyx for a berry ``berry_width`` metres across, in the berry's frame.
 
-    Broad sepals alternate with narrower ones of the epicalyx; some lie on the shoulders, some turn up. Texture
-    coordinates are those of :func:`calyx_texture`: across, and from the base to the tip.
+    Broad sepals alternate with narrower ones of the epicalyx; some lie on the shoulders, some turn up.
+    Texture coordinates are those of :func:`calyx_texture`: across, and from the base to the tip.
     """
     pairs = int(rng.integers(5, 7))
     reflexed = rng.uniform(-0.2, 0.7)  # how far the whole calyx turns up
@@ -80,7 +80,7 @@ def make_calyx(rng: np.random.Generator, berry_width: float) -> Mesh:
 
 
 def calyx_texture(rng: np.random.Generator) -> NDArray[np.uint8]:
-    """Texture (64, 32, 3): fresh green with a pale midrib, lighter base and sometimes dry tips."""
+    """Paint the texture (64, 32, 3): fresh green with a pale midrib, lighter base and sometimes dry tips."""
     along = np.linspace(0.0, 1.0, 64)[:, None]
     across = np.abs(np.linspace(-1.0, 1.0, 32))[None, :]
     tone = rng.uniform(0.85, 1.12)

@@ -17,7 +17,7 @@ _LEAF_SHAPE = np.array(
 
 
 def bag_mesh(rng: np.random.Generator, length: float, width: float, height: float) -> Mesh:
-    """A filled bag along y, metres: base centre at the origin, rounded and slightly slumped, ends closed."""
+    """Shape a filled bag along y, metres: base centre at the origin, rounded, slumped, ends closed."""
     around, along = 14, 16
     angle = np.linspace(0.0, 2.0 * np.pi, around + 1)
     step = np.linspace(0.0, 1.0, along + 1)
@@ -55,8 +55,8 @@ def _card(
     return fan, np.array(cell) + 0.5 * shape * (1.0, 1.0)
 
 
-def row_mesh(rng: np.random.Generator, length: float, *, leaves: int = 170, berries: int = 24) -> Mesh:
-    """Leaves and fruit of a row along y, metres: seen from −x, gutter lip at z = 0, canopy above, fruit below."""
+def row_mesh(rng: np.random.Generator, length: float, *, leaves: int = 170, berries: int = 16) -> Mesh:
+    """Scatter leaves and fruit of a row along y, metres, seen from −x: canopy above z = 0, fruit below."""
     cells = ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5))
     parts = []
     for _ in range(leaves):
@@ -78,7 +78,11 @@ def row_mesh(rng: np.random.Generator, length: float, *, leaves: int = 170, berr
     rim = np.linspace(0.0, 2.0 * np.pi, 7)[:-1]
     for _ in range(berries):
         centre = np.array(
-            [rng.uniform(-0.2, -0.12), rng.uniform(-length / 2, length / 2), rng.uniform(-0.3, -0.02)]
+            [
+                rng.uniform(-0.2, -0.12),
+                rng.uniform(-length / 2, length / 2),
+                rng.triangular(-0.28, -0.08, -0.02),
+            ]
         )
         width = rng.uniform(0.010, 0.016)
         half_width = np.where(np.cos(rim) > 0, 1.0, 0.8) * np.sin(rim)  # narrower towards the tip
@@ -89,7 +93,7 @@ def row_mesh(rng: np.random.Generator, length: float, *, leaves: int = 170, berr
 
 
 def _facing_front(points: NDArray[np.float64], fan: NDArray[np.int64], uv: NDArray[np.float64]) -> Mesh:
-    """A card whose visible side looks to −x."""
+    """Make a card whose visible side looks to −x."""
     normal = np.cross(points[fan[:, 1]] - points[fan[:, 0]], points[fan[:, 2]] - points[fan[:, 0]]).sum(
         axis=0
     )

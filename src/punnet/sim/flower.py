@@ -30,7 +30,7 @@ class Flower:
 
 
 def _petal(rng: np.random.Generator, radius: float, azimuth: float) -> Mesh:
-    """A cupped, two-sided round petal that starts near the axis."""
+    """Shape a cupped, two-sided round petal that starts near the axis."""
     angles = np.linspace(-np.pi * 0.80, np.pi * 0.80, _RIM)
     rim = np.stack((0.56 + 0.44 * np.cos(angles), 0.47 * np.sin(angles)), axis=-1)
     flat = np.concatenate(([[0.12, 0.0], [0.58, 0.0]], rim)) * radius
@@ -50,7 +50,7 @@ def _petal(rng: np.random.Generator, radius: float, azimuth: float) -> Mesh:
 
 
 def _centre(radius: float) -> Mesh:
-    """A low dome."""
+    """Shape a low dome."""
     ring = np.linspace(0.0, 2.0 * np.pi, 9)[:-1]
     rows = [
         np.column_stack((r * np.cos(ring), r * np.sin(ring), np.full(8, h)))
@@ -63,6 +63,12 @@ def _centre(radius: float) -> Mesh:
         faces += [(k, n, 8 + k), (n, 8 + n, 8 + k), (8 + k, 8 + n, 16)]
     uv = 0.5 + vertices[:, :2] / radius * 0.48
     return Mesh(vertices, np.array(faces), np.column_stack((1 / 3 + uv[:, 0] / 3, uv[:, 1])))
+
+
+def _in_strip(green: Mesh) -> Mesh:
+    """Move a sepal's texture coordinates into the green strip."""
+    uv = np.zeros((len(green.vertices), 2)) if green.uv is None else green.uv
+    return Mesh(green.vertices, green.faces, uv * (1 / 3.2, 1.0) + (0.675, 0.0))
 
 
 def _texture(rng: np.random.Generator) -> NDArray[np.uint8]:
@@ -80,7 +86,7 @@ def _texture(rng: np.random.Generator) -> NDArray[np.uint8]:
 
 
 def make_flower(rng: np.random.Generator) -> Flower:
-    """A flower of 22 to 32 mm, sometimes with a petal missing."""
+    """Grow a flower of 22 to 32 mm, sometimes with a petal missing."""
     diameter = float(rng.uniform(0.022, 0.032))
     radius = diameter / 2.0
     parts = [_centre(0.28 * radius)]
@@ -94,6 +100,5 @@ def make_flower(rng: np.random.Generator) -> Flower:
         green = sepal(
             0.85 * radius, 0.2 * radius, azimuth + np.pi / _PETALS, (0.02 * radius, -0.0006), slopes
         )
-        assert green.uv is not None  # noqa: S101 - sepals always have them
-        parts.append(Mesh(green.vertices, green.faces, green.uv * (1 / 3.2, 1.0) + (0.675, 0.0)))
+        parts.append(_in_strip(green))
     return Flower(Mesh.joined(parts), _texture(rng), diameter)

@@ -26,7 +26,7 @@ _THICKNESS = 0.004  # of the leaflet's length: enough to keep the two sides apar
 
 @dataclass(frozen=True, eq=False)
 class Leaf:
-    """A trifoliate leaf: the petiole joins at the origin, the leaf extends along +x, its upper face looks to +z.
+    """A trifoliate leaf: petiole joins at the origin, leaf extends along +x, upper face looks to +z.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def _photograph(number: int) -> NDArray[np.uint8]:
 
 
 def leaf_texture(rng: np.random.Generator, number: int) -> NDArray[np.uint8]:
-    """Texture (192, 384, 3) of leaf photograph ``number``, tinted at random: upper face, then the paler lower face."""
+    """Tint leaf photograph ``number`` at random: texture (192, 384, 3), upper face, then paler lower face."""
     if not 0 <= number < LEAF_TEXTURES:
         raise ConfigurationError(f"leaf_texture: number must be 0…{LEAF_TEXTURES - 1}, got {number}")
     upper = _photograph(number).astype(np.float64)
@@ -84,7 +84,7 @@ def _outline(rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.
 def _strip(
     edge: NDArray[np.int64], rib: NDArray[np.int64], position: NDArray[np.float64]
 ) -> list[tuple[int, int, int]]:
-    """Triangles between two chains of vertices that start and end together, advancing whichever lags behind."""
+    """Fill between two chains of vertices with common ends, advancing whichever lags behind."""
     triangles = []
     i = j = 0
     while i < len(edge) - 1 or j < len(rib) - 1:
@@ -100,7 +100,7 @@ def _strip(
 
 
 def _leaflet(rng: np.random.Generator, *, width: float, fold: float, droop: float, cup: float) -> Mesh:
-    """A leaflet of length 1 along +x, its base at the origin, folded along the midrib and drooping at the tip."""
+    """Shape a leaflet of length 1 along +x: base at the origin, folded along the midrib, tip drooping."""
     rib_along = np.linspace(0.0, 1.0, _MIDRIB_POINTS)
     left_along, left_width = _outline(rng)
     right_along, right_width = _outline(rng)
@@ -129,7 +129,7 @@ def _leaflet(rng: np.random.Generator, *, width: float, fold: float, droop: floa
     normal = np.stack((np.sin(angle), np.zeros_like(angle), np.cos(angle)), axis=-1)
     vertices = np.concatenate((top, top - _THICKNESS * normal))
     faces = np.concatenate((upper, upper[:, ::-1] + len(top)))
-    return Mesh(vertices, faces, np.concatenate((uv, uv + (0.5, 0.0))))
+    return Mesh(vertices, faces, np.concatenate((uv, uv + np.array((0.5, 0.0)))))
 
 
 def make_leaf(rng: np.random.Generator, size: float) -> Leaf:

@@ -11,7 +11,7 @@ _PLANT_CENTRE = np.array((0.75, -0.02, 0.78))
 
 
 def add_lights(spec: mujoco.MjSpec, rng: np.random.Generator) -> None:
-    """Add a key light from above with shadows, a cool fill from the side and light that the pale ground throws up."""
+    """Add a key light with shadows, a cool fill from the side and light that the pale ground throws up."""
     sun = np.array((0.60, 0.585, 0.55)) * rng.uniform(0.88, 1.08)
     across = rng.uniform(-0.45, 0.45)
     lights = (
@@ -38,7 +38,7 @@ def add_lights(spec: mujoco.MjSpec, rng: np.random.Generator) -> None:
 
 
 def set_render_quality(spec: mujoco.MjSpec) -> None:
-    """Set shadows, anti-aliasing and scale: a fixed extent, so that distant scenery does not coarsen shadows."""
+    """Set shadows, anti-aliasing and a fixed extent, so that distant scenery does not coarsen shadows."""
     spec.stat.extent = 1.0
     spec.stat.center = (0.6, 0.0, 0.8)
     spec.visual.map.znear = 0.02

@@ -24,7 +24,7 @@ class MeshAsset(NamedTuple):
 
 
 def smooth_normals(mesh: Mesh) -> NDArray[np.float64]:
-    """Unit vertex normals (V, 3), area-weighted, the same on both sides of a texture seam."""
+    """Compute unit vertex normals (V, 3), area-weighted, the same on both sides of a texture seam."""
     corners = mesh.vertices[mesh.faces]
     face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     _, group = np.unique(np.round(mesh.vertices, _WELD_DECIMALS), axis=0, return_inverse=True)

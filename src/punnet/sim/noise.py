@@ -10,7 +10,7 @@ __all__ = ["tiling_noise"]
 
 
 def tiling_noise(rng: np.random.Generator, shape: tuple[int, int], sigma: float) -> NDArray[np.float32]:
-    """Draw Gaussian noise of unit deviation, smoothed over ``sigma`` pixels, that repeats without a seam; (H, W).
+    """Draw noise (H, W) of zero mean and unit deviation, smooth over ``sigma`` pixels, without a seam.
 
     Smooth fields are drawn on a coarser grid and enlarged: the blur would have removed the detail.
     """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -51,15 +52,15 @@ class SceneryLayout:
 
     @property
     def centre(self) -> float:
-        """x of the gutter's middle."""
+        """Middle of the gutter, along x."""
         return self.front + self.width / 2.0
 
 
 def add_scenery(spec: mujoco.MjSpec, rng: np.random.Generator, layout: SceneryLayout | None = None) -> None:
     """Add scenery and light to ``spec`` and set the quality of its rendering.
 
-    Solid (layer ``STRUCTURE``) are the geoms ``gutter``, ``bags``, ``leg0``…``leg2`` and ``ground``; everything else
-    is only seen. Where the leg, the bags' joints and the soil lie, and the light, vary with ``rng``.
+    Solid (layer ``STRUCTURE``) are the geoms ``gutter``, ``bags``, ``leg0``…``leg2`` and ``ground``;
+    everything else is only seen. Light, and where the leg, bags and soil lie, vary with ``rng``.
     """
     layout = layout or SceneryLayout()
     add_painted_material(spec, "zinc", paint_zinc(rng), repeat=(1.5, 3.0), specular=0.25, shininess=0.25)
@@ -103,7 +104,7 @@ def _add_gutter(spec: mujoco.MjSpec, rng: np.random.Generator, layout: SceneryLa
 
 
 def _add_bags(spec: mujoco.MjSpec, rng: np.random.Generator, layout: SceneryLayout) -> None:
-    """Three bags end to end, the solid box they stand for, and the woven tape that trusses hang over."""
+    """Add three bags end to end, the solid box they stand for, and the woven tape that trusses hang over."""
     bag = bag_mesh(rng, 0.98, layout.width * 0.96, layout.bag_height)
     asset = add_mesh_asset(spec, "bag", bag, paint_bag(rng), specular=0.5, shininess=0.5)
     offset = float(rng.uniform(-0.4, 0.4))
@@ -118,19 +119,19 @@ def _add_bags(spec: mujoco.MjSpec, rng: np.random.Generator, layout: SceneryLayo
         conaffinity=STRUCTURE[1],
         group=COLLISION_ONLY,
     )
-    add_painted_material(spec, "tape", paint_tape(rng), specular=0.05, shininess=0.1)
+    add_painted_material(spec, "tape", paint_tape(rng), repeat=(2.5, 31.25), specular=0.05, shininess=0.1)
     middle = (layout.front + 0.004, 0.0, layout.lip + layout.bag_height - 0.012)
     tilt = (0.42, 0.0, 0.91)
     add_card(spec, "tape", middle, (_HALF_LENGTH, 0.016), (0.0, -1.0, 0.0), tilt, "tape")
 
 
 def _add_irrigation(spec: mujoco.MjSpec, rng: np.random.Generator, layout: SceneryLayout) -> None:
-    """A main pipe that sags below the gutter, and thin drip lines that loop down from it."""
+    """Add a main pipe that sags below the gutter, and thin drip lines that loop down from it."""
     knots = np.linspace(-_HALF_LENGTH, _HALF_LENGTH, 9)
     height = layout.bottom - 0.02 - 0.018 * np.abs(np.sin(knots * 2.1 + rng.uniform(0.0, 3.0)))
     x = layout.centre - 0.02
     pipe = [(x, float(y), float(z)) for y, z in zip(knots, height, strict=True)]
-    for number, (start, end) in enumerate(zip(pipe[:-1], pipe[1:], strict=True)):
+    for number, (start, end) in enumerate(pairwise(pipe)):
         add_rod(spec, f"pipe{number}", start, end, 0.009, "pipe")
     angles = np.linspace(0.0, np.pi, 7)
     for line in range(2):
@@ -139,5 +140,5 @@ def _add_irrigation(spec: mujoco.MjSpec, rng: np.random.Generator, layout: Scene
             (layout.front + 0.03, float(y - width * np.cos(a)), float(layout.bottom - depth * np.sin(a)))
             for a in angles
         ]
-        for piece, (start, end) in enumerate(zip(loop[:-1], loop[1:], strict=True)):
+        for piece, (start, end) in enumerate(pairwise(loop)):
             add_rod(spec, f"drip{line}_{piece}", start, end, 0.0022, "pipe")

@@ -52,7 +52,7 @@ def paint_soil(rng: np.random.Generator) -> _Image:
 
 
 def paint_bag(rng: np.random.Generator) -> _Image:
-    """Paint the black film of a growing bag, creased and printed; (128, 512, 3), rows around it, columns along it."""
+    """Paint the creased, printed film of a growing bag; (128, 512, 3), rows around, columns along it."""
     height, width = 128, 512
     creases = cv2.GaussianBlur(rng.normal(size=(height, width)).astype(np.float32), (0, 0), 2.0, sigmaY=9.0)
     creases = np.clip(creases / creases.std() - 1.1, 0.0, 3.0)
@@ -96,7 +96,7 @@ def paint_hedge(rng: np.random.Generator) -> _Image:
 
 
 def paint_backdrop(rng: np.random.Generator) -> _Image:
-    """Paint the far end of the tunnel, out of focus: bright sheet above, crops in haze, pale ground; (256, 512, 3)."""
+    """Paint the far end of the tunnel: bright sheet above, crops in haze, pale ground; (256, 512, 3)."""
     height, width = 256, 512
     y = np.linspace(0.0, 1.0, height)[:, None, None]
     colour = np.broadcast_to(np.array((226.0, 230.0, 228.0)) * (1.0 - 0.08 * y), (height, width, 3)).copy()
@@ -111,4 +111,4 @@ def paint_backdrop(rng: np.random.Generator) -> _Image:
     colour += shadow * (below - colour)
     ground = np.clip((y - 0.90) / 0.08, 0.0, 1.0)
     colour += ground * (np.array((188.0, 180.0, 170.0)) - colour)
-    return _image(cv2.GaussianBlur(colour.astype(np.float32), (0, 0), 1.6))
+    return _image(np.asarray(cv2.GaussianBlur(colour.astype(np.float32), (0, 0), 1.6), dtype=np.float32))

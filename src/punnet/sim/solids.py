@@ -90,7 +90,7 @@ def add_card(
     up: Point,
     material: str,
 ) -> None:
-    """Add a flat picture of ``half`` width and height at ``centre``, upright along ``up``, seen from right × up."""
+    """Add a picture of ``half`` width and height at ``centre``, upright along ``up``, facing right × up."""
     axes = np.stack((right, up, np.cross(right, up)), axis=1)
     quaternion = np.zeros(4)
     mujoco.mju_mat2Quat(quaternion, axes.ravel())

@@ -93,14 +93,14 @@ def _add_row(
     gutter: tuple[float, float, float],
     plants: MeshAsset | None,
 ) -> None:
-    """A row of plants in its gutter on legs; from afar (``plants`` None) its canopy is one hedge."""
+    """Add a row of plants in its gutter on legs; from afar (``plants`` None) its canopy is one hedge."""
     _, bottom, lip = gutter
     add_box(spec, f"{name}_gutter", (x, -_REACH, bottom - 0.03), (x + 0.2, _REACH, lip), "zinc")
     add_box(spec, f"{name}_bags", (x + 0.01, -_REACH, lip), (x + 0.19, _REACH, lip + 0.09), "film")
-    shift = float(rng.uniform(-0.6, 0.6))
-    for leg in range(-3, 4):
-        y = 1.5 * leg + shift
-        add_rod(spec, f"{name}_leg{leg + 3}", (x + 0.1, y, ground), (x + 0.1, y, bottom), 0.02, "zinc")
+    shift = float(rng.uniform(-1.2, 1.2))
+    for leg in range(-2, 3):
+        y = 2.4 * leg + shift
+        add_rod(spec, f"{name}_leg{leg + 2}", (x + 0.1, y, ground), (x + 0.1, y, bottom), 0.02, "zinc")
     add_rod(
         spec,
         f"{name}_pipe",
