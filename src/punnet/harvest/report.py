@@ -1,0 +1,198 @@
+"""The report of a harvest: one HTML file that needs nothing else, to read on a phone, to print, to send."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Iterable, Mapping
+from html import escape
+from importlib import resources
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from punnet.errors import FileFormatError, OutputError
+from punnet.harvest.records import HarvestReport, LeftRecord, PickRecord, PunnetRecord
+from punnet.harvest.weight_drawing import draw_weights
+
+__all__ = ["render_report", "write_report"]
+
+TEMPLATE = "report_template.html"
+SIGNATURES = (
+    (b"\x89PNG\r\n\x1a\n", 0, "image/png"),
+    (b"\xff\xd8\xff", 0, "image/jpeg"),
+    (b"ftyp", 4, "video/mp4"),
+)
+BADGES = {"picked": "✓ picked", "failed": "✕ failed", "skipped": "– skipped"}
+
+
+def write_report(path: str | Path, report: HarvestReport) -> Path:
+    """Write :func:`render_report` to a file.
+
+    Raises
+    ------
+    OutputError
+        If it can't be written.
+    FileFormatError
+        If a picture is neither PNG nor JPEG, or the video no MP4.
+    """
+    path = Path(path)
+    page = render_report(report)
+    try:
+        path.write_text(page, encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{path}: the report can't be written ({error.strerror})") from error
+    return path
+
+
+def render_report(report: HarvestReport) -> str:
+    """Give the page as text; pictures and the video are part of it."""
+    template = Template(resources.files("punnet.harvest").joinpath(TEMPLATE).read_text(encoding="utf-8"))
+    return template.substitute(
+        title=escape(report.title),
+        created=escape(report.created),
+        headline=_headline(report),
+        stopped=_stopped(report),
+        tiles="".join(
+            f"<li><strong>{value}</strong><span>{label}</span></li>" for value, label in _tiles(report)
+        ),
+        views=_views(report),
+        picks=_section(
+            "Berry by berry", f'<div class="cards">{_join(_card, report.picks)}</div>', report.picks
+        ),
+        punnets=_section(
+            "In the punnets", f'<div class="punnets">{_join(_punnet, report.punnets)}</div>', report.punnets
+        ),
+        left=_not_picked(report),
+        settings=_settings(report.settings, report.versions),
+    )
+
+
+def _headline(report: HarvestReport) -> str:
+    berries = "strawberry" if report.ripe == 1 else "strawberries"
+    return f"<b>{len(report.picked)} of {report.ripe}</b> ripe {berries} picked"
+
+
+def _stopped(report: HarvestReport) -> str:
+    if not report.interrupted:
+        return ""
+    return '<p class="stopped">The harvest was interrupted; this is what was done until then.</p>'
+
+
+def _tiles(report: HarvestReport) -> Iterable[tuple[str, str]]:
+    yield f"{report.grams:.0f} g", "in the punnets"
+    if report.seconds_a_pick is not None:
+        yield f"{report.seconds_a_pick:.1f} s", "a picked berry, on the robot's clock"
+    yield f"{report.seconds_simulated:.0f} s", "of picking"
+    yield f"{report.seconds_computing:.0f} s", "to compute it"
+    if report.weight_error is not None:
+        yield f"{100 * report.weight_error:.0f}%", "mean error of the weights by eye"
+
+
+def _views(report: HarvestReport) -> str:
+    views = ""
+    if report.first_view is not None:
+        picture = _image(report.first_view, "The plant at the first look, with the berries that were found")
+        views += (
+            f'<figure class="panel">{picture}<figcaption>First look: what was found.</figcaption></figure>'
+        )
+    if report.video is not None:
+        views += (
+            f'<figure class="panel has-video"><video controls muted playsinline preload="metadata" '
+            f'src="{_data_uri(report.video)}"></video><figcaption>The harvest.</figcaption></figure>'
+        )
+    return f'<div class="views">{views}</div>' if views else ""
+
+
+def _card(pick: PickRecord) -> str:
+    reason = ""
+    if pick.reason is not None:
+        reason = f'<p class="reason {pick.outcome}">{escape(pick.reason)}</p>'
+    crops = "".join(
+        f"<figure>{_image(data, caption)}<figcaption>{escape(caption)}</figcaption></figure>"
+        for caption, data in pick.images.items()
+    )
+    plot = ""
+    if pick.plot is not None:
+        picture = _image(pick.plot, "Joint angles of the planned reach with their spread")
+        words = "Planned reach: mean, ±σ and ±2σ of each joint; via-points in red."
+        plot = f'<figure class="plot"><div>{picture}</div><figcaption>{words}</figcaption></figure>'
+    return (
+        f'<article class="card"><header><h3>{pick.id}. {escape(pick.berry_class)}</h3>'
+        f'<span class="badge {pick.outcome}">{BADGES[pick.outcome]}</span>'
+        f'<span class="time number">{pick.seconds_simulated:.1f} s</span></header>{reason}'
+        f'<div class="body{" with-plot" if plot else ""}"><div class="seen"><div class="crops">{crops}</div>'
+        f"{draw_weights(pick)}</div>{plot}</div></article>"
+    )
+
+
+def _punnet(punnet: PunnetRecord) -> str:
+    share = 100 * min(1.0, punnet.grams / punnet.nominal_g) if punnet.nominal_g > 0 else 0.0
+    berries = "1 berry" if punnet.berries == 1 else f"{punnet.berries} berries"
+    return (
+        f'<article class="card"><h3>Punnet {punnet.number}</h3>'
+        f'<div class="fill" role="img" aria-label="{share:.0f}% full">'
+        f'<i style="width:{share:.1f}%"></i></div><span class="number">{punnet.grams:.0f} g</span> '
+        f'<span class="soft">of {punnet.nominal_g:.0f} g · {berries}</span>'
+        "</article>"
+    )
+
+
+def _not_picked(report: HarvestReport) -> str:
+    tried = [pick for pick in report.picks if pick.outcome != "picked"]
+    rows = [
+        (
+            f"attempt {pick.id}",
+            pick.berry_class,
+            "tried" if pick.outcome == "failed" else "no plan",
+            str(pick.reason),
+        )
+        for pick in tried
+    ]
+    rows += [
+        (f"berry {berry.id}", berry.berry_class, "left", berry.reason) for berry in _as_left(report.left)
+    ]
+    if not rows:
+        return _section("Not picked", "<p>Nothing that was ripe and seen stayed on the plant.</p>", [None])
+    return _section("Not picked, and why", _table(("", "class", "what was done", "why"), rows), rows)
+
+
+def _as_left(left: Iterable[LeftRecord]) -> list[LeftRecord]:
+    """Ripe berries first: they are what a reader looks for."""
+    return sorted(left, key=lambda berry: (berry.berry_class, berry.id))
+
+
+def _settings(settings: Mapping[str, Any], versions: Mapping[str, str]) -> str:
+    rows = [
+        (name, value if isinstance(value, str) else json.dumps(value)) for name, value in settings.items()
+    ]
+    rows += [(name, version) for name, version in versions.items()]
+    return _section("To make it again", _table(("setting", "value"), rows), rows)
+
+
+def _table(columns: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    head = "".join(f"<th>{escape(column)}</th>" for column in columns)
+    body = "".join(
+        f"<tr><th>{escape(row[0])}</th>" + "".join(f"<td>{escape(cell)}</td>" for cell in row[1:]) + "</tr>"
+        for row in rows
+    )
+    return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _section(title: str, content: str, items: Any) -> str:
+    return f"<section><h2>{escape(title)}</h2>{content}</section>" if len(items) else ""
+
+
+def _join(render: Any, items: Iterable[Any]) -> str:
+    return "".join(render(item) for item in items)
+
+
+def _image(data: bytes, description: str) -> str:
+    return f'<img src="{_data_uri(data)}" alt="{escape(description)}">'
+
+
+def _data_uri(data: bytes) -> str:
+    for signature, offset, kind in SIGNATURES:
+        if data[offset : offset + len(signature)] == signature:
+            return f"data:{kind};base64,{base64.b64encode(data).decode('ascii')}"
+    raise FileFormatError(f"report: PNG, JPEG or MP4 is needed, got bytes that begin with {data[:8]!r}")

@@ -1,0 +1,164 @@
+"""The report and its records: one file, all said, nothing from elsewhere."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from punnet.errors import ConfigurationError, FileFormatError, OutputError
+from punnet.harvest.records import HarvestReport, LeftRecord, PickRecord, PunnetRecord
+from punnet.harvest.report import render_report, write_report
+
+VOID = {"meta", "link", "img", "br", "hr", "input"}
+MP4 = b"\x00\x00\x00\x18ftypmp42" + bytes(40)
+
+
+def picture(suffix: str = ".png", shade: int = 90) -> bytes:
+    return cv2.imencode(suffix, np.full((12, 16, 3), shade, dtype=np.uint8))[1].tobytes()
+
+
+@pytest.fixture
+def report() -> HarvestReport:
+    picks = (
+        PickRecord(
+            1,
+            "pluckable",
+            "picked",
+            estimate_g=22.0,
+            interval_g=(17.0, 27.5),
+            weighed_g=20.4,
+            true_g=20.0,
+            punnet=1,
+            seconds_simulated=9.0,
+            images={"before": picture(), "at the grip": picture(".jpg")},
+            plot=picture(shade=200),
+        ),
+        PickRecord(2, "pluckable", "failed", "the stem lies <14 mm> below & behind", seconds_simulated=8.0),
+        PickRecord(3, "pluckable", "skipped", "out of reach", estimate_g=float("nan")),
+    )
+    return HarvestReport(
+        ripe=4,
+        picks=picks,
+        left=(LeftRecord(8, "unpluckable", "not ripe"), LeftRecord(9, "pluckable", "hidden by a leaf")),
+        punnets=(PunnetRecord(1, 20.4, 250.0, 1), PunnetRecord(2, 0.0, 250.0, 0)),
+        seconds_simulated=18.0,
+        seconds_computing=7.0,
+        settings={"seed": 7, "detector": "colour", "speed": 0.5},
+        versions={"punnet": "0.1.0"},
+        created="2026-11-22T12:00:00+00:00",
+        first_view=picture(".jpg"),
+        video=MP4,
+    )
+
+
+class Structure(HTMLParser):
+    """Checks that tags close in order, and collects text and what would be loaded."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.sources: list[str] = []
+        self.text = ""
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.sources += [value or "" for name, value in attrs if name in ("src", "href")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        pass
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def parse(page: str) -> Structure:
+    structure = Structure()
+    structure.feed(page)
+    structure.close()
+    assert structure.open == []
+    return structure
+
+
+def test_page_says_what_happened(report: HarvestReport) -> None:
+    text = " ".join(parse(render_report(report)).text.split())
+    assert "1 of 4 ripe strawberries picked" in text
+    assert "20 g" in text
+    assert "18.0 s" in text  # a picked berry, failures included
+    assert "10%" in text  # |22 − 20| / 20
+    for words in ("the stem lies <14 mm> below & behind", "out of reach", "hidden by a leaf", "not ripe"):
+        assert words in text
+    assert "22.0 g (17.0 to 27.5)" in text
+    assert "seed" in text
+
+
+def test_page_loads_nothing_from_elsewhere(report: HarvestReport) -> None:
+    page = render_report(report)
+    sources = parse(page).sources
+    assert sources
+    assert all(source.startswith("data:") for source in sources)
+    assert not re.search(r"url\(|@import|<script|https?://", page)
+
+
+def test_pictures_survive_unchanged(report: HarvestReport) -> None:
+    sources = parse(render_report(report)).sources
+    decoded = {base64.b64decode(source.split(",", 1)[1]) for source in sources if "base64" in source}
+    assert {report.first_view, report.video, report.picks[0].plot} <= decoded
+    assert any(source.startswith("data:video/mp4") for source in sources)
+    assert any(source.startswith("data:image/jpeg") for source in sources)
+
+
+def test_nothing_picked_and_nothing_seen() -> None:
+    text = " ".join(parse(render_report(HarvestReport(ripe=0, picks=()))).text.split())
+    assert "0 of 0 ripe strawberries picked" in text
+    assert "a picked berry" not in text
+
+
+def test_an_interrupted_run_says_so(report: HarvestReport) -> None:
+    assert "interrupted" in parse(render_report(replace(report, interrupted=True))).text
+    assert "interrupted" not in parse(render_report(report)).text
+
+
+def test_unknown_picture_format_is_refused(report: HarvestReport) -> None:
+    with pytest.raises(FileFormatError, match="PNG, JPEG or MP4"):
+        render_report(replace(report, first_view=b"GIF89a"))
+
+
+def test_writing(report: HarvestReport, tmp_path: Path) -> None:
+    path = write_report(tmp_path / "report.html", report)
+    assert path.read_text(encoding="utf-8") == render_report(report)
+    with pytest.raises(OutputError, match="can't be written"):
+        write_report(tmp_path / "no" / "such" / "folder.html", report)
+
+
+def test_json_holds_everything_but_the_pictures(report: HarvestReport) -> None:
+    data = json.loads(json.dumps(report.to_json(), allow_nan=False))
+    assert data["schema"] == "punnet-harvest/1"
+    assert (data["picked"], data["ripe"], data["grams"]) == (1, 4, 20.4)
+    assert data["seconds_a_pick"] == 18.0
+    assert data["mean_relative_weight_error"] == pytest.approx(0.1)
+    assert data["picks"][0]["interval_g"] == [17.0, 27.5]
+    assert data["picks"][1]["reason"] == report.picks[1].reason
+    assert data["picks"][2]["estimate_g"] is None
+    assert data["left"][1] == {"id": 9, "class": "pluckable", "reason": "hidden by a leaf"}
+    assert data["settings"]["seed"] == 7
+
+
+def test_a_reason_goes_with_what_was_not_picked() -> None:
+    with pytest.raises(ConfigurationError, match="reason"):
+        PickRecord(1, "pluckable", "failed")
+    with pytest.raises(ConfigurationError, match="reason"):
+        PickRecord(1, "pluckable", "picked", "but")
+    with pytest.raises(ConfigurationError, match="outcome"):
+        PickRecord(1, "pluckable", "lost", "fell")  # type: ignore[arg-type]
