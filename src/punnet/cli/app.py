@@ -21,7 +21,7 @@ from typing import Annotated, Any
 import typer
 
 from punnet import __version__
-from punnet.cli import detect, info, models, plan, weigh
+from punnet.cli import benchmark, demo, demos, detect, info, models, plan, weigh
 from punnet.errors import PunnetError
 from punnet.outputs import Interrupted
 
@@ -38,8 +38,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode="rich",
 )
-for _register in (info.register, models.register, detect.register, weigh.register, plan.register):
-    _register(app)
+for _group in (demo, detect, weigh, plan, benchmark, demos, models, info):
+    _group.register(app)
 
 
 def _print_version(wanted: bool) -> None:

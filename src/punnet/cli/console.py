@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-__all__ = ["note", "print_json", "print_table", "say", "track"]
+__all__ = ["film_progress", "note", "print_json", "print_table", "progress_bar", "say", "track", "whisper"]
 
 Item = TypeVar("Item")
 
@@ -54,3 +55,53 @@ def track(items: Iterable[Item], total: int, what: str) -> Iterator[Item]:
     from rich.progress import track as rich_track
 
     yield from rich_track(items, description=what, total=total, console=Console(stderr=True), transient=True)
+
+
+def whisper(line: str) -> None:
+    """Print a line of progress on stderr."""
+    print(f"  {line}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def progress_bar(what: str, total: int) -> Iterator[Callable[[], None]]:
+    """A progress bar on stderr; call what it gives once an item. Plain lines where stderr is no terminal."""
+    with _bar(what) as show:
+        done = 0
+
+        def advance() -> None:
+            nonlocal done
+            done += 1
+            show(done, total)
+
+        yield advance
+
+
+@contextmanager
+def film_progress() -> Iterator[Callable[[int, int], None]]:
+    """Like :func:`progress_bar`, told of frames done and frames in all, which nobody knows before."""
+    with _bar("drawing the film") as show:
+        yield show
+
+
+@contextmanager
+def _bar(what: str) -> Iterator[Callable[[int, int], None]]:
+    if not sys.stderr.isatty():
+        yield lambda done, total: whisper(f"{what}: {done} of {total}") if done == total or done % 50 == 0 else None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    progress = Progress(*columns, console=Console(stderr=True), transient=True)
+    task = progress.add_task(what, total=None, start=False, visible=False)
+
+    def show(done: int, total: int) -> None:
+        if not progress.live.is_started:
+            progress.start()
+            progress.start_task(task)
+        progress.update(task, completed=done, total=total, visible=True)
+
+    try:
+        yield show
+    finally:
+        progress.stop()

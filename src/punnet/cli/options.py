@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-__all__ = ["CameraFile", "DepthFile", "Force", "Json", "OutFolder", "RgbFile", "Seed"]
+__all__ = ["CameraFile", "DepthFile", "Force", "Json", "Oracle", "OutFolder", "RgbFile", "Seed"]
 
 OutFolder = Annotated[
     Path,
@@ -18,6 +18,9 @@ OutFolder = Annotated[
 Force = Annotated[bool, typer.Option("--force", help="Replace the folder if punnet made it earlier.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
+Oracle = Annotated[
+    bool, typer.Option("--oracle", help="True poses and weights in place of perception: what it could do at best.")
+]
 RgbFile = Annotated[Path, typer.Option("--rgb", help="Photograph, PNG or JPEG.", show_default=False)]
 DepthFile = Annotated[
     Path,

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from punnet.errors import ConfigurationError
-from punnet.harvest.attempts import HarvestRun
+from punnet.harvest.attempts import Attempt, HarvestRun
 from punnet.harvest.config import HarvestConfig
 from punnet.harvest.judge import Fate, judge, reachable_berries
 from punnet.harvest.loop import Harvester, Listener
@@ -60,6 +60,9 @@ class Session:
 
     def __init__(self, scenario: Scenario, listener: Listener | None = None) -> None:
         self.scenario = scenario
+        self._listener = listener
+        self.truth_of: dict[int, float] = {}
+        """True grams of what each attempt brought off the plant, by its number."""
         self.world = build_world(scenario.seed, scenario.world)
         self.reachable = reachable_berries(self.world)
         noise = np.random.default_rng((scenario.seed, 1))
@@ -72,8 +75,9 @@ class Session:
             ProMPDepthPlanner.from_bundle(),
             PUNNET_PLACES,
             scenario.harvest,
-            listener,
+            self._listen,
         )
+        self._hanging = self.world.attached()
 
     def __enter__(self) -> Session:
         return self
@@ -82,6 +86,16 @@ class Session:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.robot.close()
+
+    def _listen(self, line: str, attempt: Attempt | None) -> None:
+        """Note what came off the plant during an attempt, and pass the line on."""
+        came_off = np.flatnonzero(self._hanging & ~self.world.attached())
+        if attempt is not None and len(came_off):
+            masses = [self.world.cluster.berries[index].berry.mass for index in came_off]
+            self.truth_of[attempt.number] = self.truth_of.get(attempt.number, 0.0) + float(sum(masses))
+            self._hanging = self.world.attached()
+        if self._listener is not None:
+            self._listener(line, attempt)
 
     def run(self) -> HarvestRun:
         """Harvest."""

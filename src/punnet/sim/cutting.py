@@ -25,6 +25,7 @@ CUT_ABOVE_CALYX = (0.005, 0.030)
 """Least and most height of the cut above the calyx, metres."""
 
 _BLADE_HALF_WIDTH = 0.010
+_BLADE_STROKE = 0.020  # its sharp part; farther back is the holder
 
 
 @dataclass(frozen=True)
@@ -58,12 +59,13 @@ def gripped_berries(world: World) -> set[int]:
 def stem_states(world: World) -> list[StemState]:
     """How each berry that still hangs stands to the blade now."""
     edge = world.data.site("blade_edge")
-    middle, across = np.array(edge.xpos), np.array(edge.xmat).reshape(3, 3)[:, 1]
+    axes = np.array(edge.xmat).reshape(3, 3)
+    swept = _Swept(np.array(edge.xpos), axes[:, 1], axes[:, 2])
     gripped = gripped_berries(world)
     states = []
     for berry, (T, attached) in enumerate(zip(world.berry_poses(), world.attached(), strict=True)):
         if attached:
-            distance, height = _closest(T, middle, across)
+            distance, height = _closest(T, swept)
             states.append(StemState(berry, distance, height, berry in gripped))
     return states
 
@@ -79,15 +81,24 @@ def apply_cut(world: World) -> list[int]:
     return came_off
 
 
-def _closest(
-    T_base_berry: NDArray[np.float64], middle: NDArray[np.float64], across: NDArray[np.float64]
-) -> tuple[float, float]:
-    """Distance between the blade's edge and the stub, and the height above the calyx where they are nearest."""
+@dataclass(frozen=True)
+class _Swept:
+    """Where the blade has been: from ``edge`` back along −``forward``, to both sides along ``across``, (3,) each."""
+
+    edge: NDArray[np.float64]
+    across: NDArray[np.float64]
+    forward: NDArray[np.float64]
+
+
+def _closest(T_base_berry: NDArray[np.float64], swept: _Swept) -> tuple[float, float]:
+    """Distance between what the blade swept and the stub, and the height above the calyx where they are nearest."""
     heights = np.linspace(0.0, STUB_LENGTH, 37)
     stub = T_base_berry[:3, 3] + heights[:, None] * T_base_berry[:3, 2]
-    offset = stub - middle
-    along = np.clip(offset @ across, -_BLADE_HALF_WIDTH, _BLADE_HALF_WIDTH)
-    distances = np.linalg.norm(offset - along[:, None] * across, axis=1)
+    offset = stub - swept.edge
+    aside = np.clip(offset @ swept.across, -_BLADE_HALF_WIDTH, _BLADE_HALF_WIDTH)
+    along = np.clip(offset @ swept.forward, -_BLADE_STROKE, 0.0)
+    gap = offset - aside[:, None] * swept.across - along[:, None] * swept.forward
+    distances = np.linalg.norm(gap, axis=1)
     nearest = int(np.argmin(distances))
     return float(distances[nearest]), float(heights[nearest])
 

@@ -20,7 +20,7 @@ __all__ = ["Link", "Truss", "TrussStyle", "add_truss", "grow_truss"]
 GRAVITY = 9.81
 _STEM_DENSITY = 950.0  # kg/m³, fresh tissue
 _BENDING_MODULUS = 200e6  # Pa, green stems; stiffness of a link is E·I / length
-_DAMPING_TIME = 0.08  # seconds: damping of a link over its stiffness
+_DAMPING_TIME = 0.10  # seconds: damping of a link over its stiffness
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,7 @@ def _add_hinges(
             stiffness=stiffness,
             springref=rest,
             damping=stiffness * _DAMPING_TIME,
-            armature=2e-6,
+            armature=6e-6,
         )
 
 

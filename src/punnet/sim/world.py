@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from punnet.errors import RobotError
 from punnet.robot.panda import HOME
 from punnet.sim.arm import JOINT_NAMES, load_arm
 from punnet.sim.cluster import Cluster, ClusterConfig, grow_cluster
@@ -69,6 +70,7 @@ class World:
         for berry in planted:
             berry_of_geom[model.geom(berry.fruit).id] = berry.index
         self.contacts = ContactMonitor(model, berry_of_geom, len(planted))
+        self._diverged = self.data.warning[mujoco.mjtWarning.mjWARN_BADQACC]
         self._reset()
 
     def _reset(self) -> None:
@@ -90,8 +92,16 @@ class World:
         return len(self.planted)
 
     def step(self) -> None:
-        """One physics step; contact forces are taken in."""
+        """One physics step; contact forces are taken in.
+
+        Raises
+        ------
+        RobotError
+            If the integration diverged; what has been simulated until then stands.
+        """
         mujoco.mj_step(self.model, self.data)
+        if self._diverged.number:
+            raise RobotError(f"the simulation diverged after {self.data.time:.2f} s; report the seed")
         self.contacts.update(self.data)
 
     def berry_poses(self) -> NDArray[np.float64]:
@@ -133,6 +143,7 @@ def _set_physics(spec: mujoco.MjSpec) -> None:
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = 10.0
+    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     option.iterations = 20
     option.ls_iterations = 20
     spec.visual.quality.numslices = 10
@@ -158,8 +169,8 @@ def _set_camera(spec: mujoco.MjSpec) -> None:
     camera.fovy = float(np.degrees(2.0 * np.arctan(480 / 2.0 / 615.0)))
     spec.visual.global_.offwidth = 1280
     spec.visual.global_.offheight = 960
-    overview = spec.worldbody.add_camera(name=OVERVIEW_CAMERA, pos=(0.02, -1.12, 0.98), fovy=45.0)
-    overview.quat = _looking_from((0.02, -1.12, 0.98), (0.44, 0.0, 0.60))
+    overview = spec.worldbody.add_camera(name=OVERVIEW_CAMERA, pos=(0.02, 1.10, 1.00), fovy=42.0)
+    overview.quat = _looking_from((0.02, 1.10, 1.00), (0.46, 0.08, 0.58))
 
 
 def _looking_from(position: tuple[float, float, float], at: tuple[float, float, float]) -> NDArray[np.float64]:

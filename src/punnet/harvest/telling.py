@@ -1,0 +1,141 @@
+"""From a run and the simulator's truth to the report that a person reads."""
+
+from __future__ import annotations
+
+import datetime
+import math
+import platform
+import tempfile
+from importlib.metadata import version
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from punnet import __version__
+from punnet.harvest.attempts import Attempt, HarvestRun, Outcome
+from punnet.harvest.records import HarvestReport, LeftRecord, PickRecord, PunnetRecord
+from punnet.harvest.scenario import Session
+from punnet.perception.overlay import draw_overlay
+from punnet.planning.plot import plot_distribution
+from punnet.scene import CLASSES, PLUCKABLE, Strawberries
+
+__all__ = ["annotated_first_view", "tell"]
+
+_CROP_MARGIN = 0.6  # of the box's longer side, on each side
+_CROP_SIZE = 240
+
+
+def tell(session: Session, run: HarvestRun, video: bytes | None = None) -> HarvestReport:
+    """The report of a finished (or interrupted) run."""
+    scenario = session.scenario
+    return HarvestReport(
+        ripe=sum(fate.pluckable for fate in session.fates()),
+        picks=[_pick(session, attempt) for attempt in run.attempts],
+        left=_left(run),
+        punnets=_punnets(session, run),
+        seconds_simulated=run.seconds_simulated,
+        seconds_computing=run.seconds_computing,
+        settings={
+            "seed": scenario.seed,
+            "perception": scenario.perception,
+            "planner": "promp-depth",
+            "berries on the plant": session.world.berries,
+            "speed (share of the arm's limits)": f"{scenario.harvest.speed}, among berries {scenario.harvest.careful_speed}",
+        },
+        versions={
+            "punnet": __version__,
+            "python": platform.python_version(),
+            **{name: version(name) for name in ("mujoco", "numpy", "opencv-python-headless")},
+        },
+        created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        first_view=annotated_first_view(run),
+        video=video,
+        interrupted=run.interrupted,
+    )
+
+
+def annotated_first_view(run: HarvestRun) -> bytes | None:
+    """PNG of the first look with what was found in it; None if there was no look."""
+    if run.first_frame is None or run.first_berries is None:
+        return None
+    return _png(draw_overlay(run.first_frame.rgb, run.first_berries))
+
+
+def _pick(session: Session, attempt: Attempt) -> PickRecord:
+    picked = attempt.outcome is Outcome.PICKED
+    truth = session.truth_of.get(attempt.number)
+    known = not math.isnan(attempt.estimate)
+    return PickRecord(
+        id=attempt.number,
+        berry_class=CLASSES[int(attempt.berry.classes[0])],
+        outcome=attempt.outcome.value,
+        reason=None if picked else f"{attempt.phase}: {attempt.reason}",
+        estimate_g=attempt.estimate if known else None,
+        interval_g=attempt.interval if known else None,
+        weighed_g=None if math.isnan(attempt.weighed) else attempt.weighed,
+        true_g=truth if picked else None,
+        punnet=None if attempt.punnet is None else attempt.punnet + 1,
+        seconds_simulated=attempt.seconds_simulated,
+        seconds_computing=attempt.seconds_computing,
+        images={"before": _crop(attempt)},
+        plot=_plot(attempt),
+    )
+
+
+def _left(run: HarvestRun) -> list[LeftRecord]:
+    """What the last look still shows, except what was tried and failed."""
+    berries = run.last_berries
+    if berries is None:
+        return []
+    tried = [attempt.picking_point for attempt in run.attempts]
+    return [
+        LeftRecord(int(berries.ids[row]), CLASSES[int(berries.classes[row])], _why_left(berries, row))
+        for row in range(len(berries))
+        if not _was_tried(berries.picking_points[row], tried) or berries.classes[row] != PLUCKABLE
+    ]
+
+
+def _was_tried(point: NDArray[np.float64], tried: list[NDArray[np.float64]]) -> bool:
+    return any(np.linalg.norm(point - other) < 0.03 for other in tried)
+
+
+def _why_left(berries: Strawberries, row: int) -> str:
+    if berries.classes[row] != PLUCKABLE:
+        ripeness = berries.ripeness[row]
+        return "not ripe" if math.isnan(ripeness) else f"not ripe (ripeness {ripeness:.1f})"
+    if np.isnan(berries.picking_points[row]).any():
+        return "its place is not known: too few depth readings on it"
+    return "the run ended before its turn"
+
+
+def _punnets(session: Session, run: HarvestRun) -> list[PunnetRecord]:
+    counts = [sum(attempt.punnet == punnet for attempt in run.picked) for punnet in range(len(run.punnet_weights))]
+    return [
+        PunnetRecord(number + 1, grams, session.scenario.harvest.nominal_punnet, count)
+        for number, (grams, count) in enumerate(zip(run.punnet_weights, counts, strict=True))
+    ]
+
+
+def _crop(attempt: Attempt) -> bytes:
+    """A square around the berry, as the camera saw it before the pick."""
+    box = attempt.berry.boxes[0]
+    picture = draw_overlay(attempt.frame.rgb, attempt.berry)
+    half = (0.5 + _CROP_MARGIN) * float(np.max(box[2:] - box[:2]))
+    middle = (box[:2] + box[2:]) / 2.0
+    crop = cv2.getRectSubPix(picture, (round(2 * half), round(2 * half)), (float(middle[0]), float(middle[1])))
+    return _png(cv2.resize(crop, (_CROP_SIZE, _CROP_SIZE), interpolation=cv2.INTER_AREA))
+
+
+def _plot(attempt: Attempt) -> bytes | None:
+    if attempt.distribution is None:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "plan.png"
+        plot_distribution(attempt.distribution, path, title=f"Reach {attempt.number}")
+        return path.read_bytes()
+
+
+def _png(rgb: NDArray[np.uint8]) -> bytes:
+    return bytes(cv2.imencode(".png", rgb[:, :, ::-1])[1].tobytes())
