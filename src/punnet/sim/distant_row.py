@@ -75,21 +75,24 @@ def row_mesh(rng: np.random.Generator, length: float, *, leaves: int = 170, berr
             )
         )
         parts.append(_facing_front(points, fan, uv))
-    rim = np.linspace(0.0, 2.0 * np.pi, 7)[:-1]
-    for _ in range(berries):
-        centre = np.array(
-            [
-                rng.uniform(-0.2, -0.12),
-                rng.uniform(-length / 2, length / 2),
-                rng.triangular(-0.28, -0.08, -0.02),
-            ]
-        )
-        width = rng.uniform(0.010, 0.016)
-        half_width = np.where(np.cos(rim) > 0, 1.0, 0.8) * np.sin(rim)  # narrower towards the tip
-        ring = np.column_stack((np.zeros(6), width * half_width, 1.25 * width * np.cos(rim)))
-        uv = np.full((6, 2), 0.75) + 0.05 * np.column_stack((np.sin(rim), np.cos(rim)))
-        parts.append(_facing_front(centre + ring, np.array([(0, k, k + 1) for k in range(1, 5)]), uv))
+    parts += [part for _ in range(berries) for part in _hanging_berry(rng, length)]
     return Mesh.joined(parts)
+
+
+def _hanging_berry(rng: np.random.Generator, length: float) -> list[Mesh]:
+    """Hang a flat berry, narrower towards the tip, on a stem that comes out of the leaves."""
+    width = rng.uniform(0.010, 0.016)
+    x, y = rng.uniform(-0.16, -0.11), rng.uniform(-length / 2, length / 2)
+    z = rng.triangular(-0.30, -0.14, -0.06)
+    rim = np.linspace(0.0, 2.0 * np.pi, 7)[:-1]
+    half_width = np.where(np.cos(rim) > 0, 1.0, 0.75) * np.sin(rim)
+    ring = np.column_stack((np.zeros(6), width * half_width, 1.25 * width * np.cos(rim))) + (x, y, z)
+    uv = np.full((6, 2), 0.75) + 0.05 * np.column_stack((np.sin(rim), np.cos(rim)))
+    fruit = _facing_front(ring, np.array([(0, k, k + 1) for k in range(1, 5)]), uv)
+    top, sway = z + 1.2 * width, rng.normal(0.0, 0.02)
+    stem = np.array([(x, y - 0.0015, top), (x, y + 0.0015, top), (-0.1, y + sway, 0.05)])
+    in_leaf = np.array([(0.2, 0.2), (0.22, 0.2), (0.2, 0.22)])
+    return [fruit, _facing_front(stem, np.array([(0, 1, 2)]), in_leaf)]
 
 
 def _facing_front(points: NDArray[np.float64], fan: NDArray[np.int64], uv: NDArray[np.float64]) -> Mesh:

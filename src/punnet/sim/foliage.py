@@ -60,7 +60,7 @@ def leaf_texture(rng: np.random.Generator, number: int) -> NDArray[np.uint8]:
     upper = _photograph(number).astype(np.float64)
     mean = upper.mean(axis=(0, 1))
     # under the tunnel's diffuse light mature leaves are darker and bluer than on the photographer's table
-    target = np.array((72.0, 110.0, 60.0)) * rng.uniform(0.75, 1.25) * rng.normal(1.0, 0.05, 3)
+    target = np.array((62.0, 98.0, 60.0)) * rng.uniform(0.75, 1.25) * rng.normal(1.0, 0.05, 3)
     upper = np.clip(upper * (target / mean), 0.0, 255.0)
     grey = upper.mean(axis=2, keepdims=True)
     lower = np.clip(0.55 * upper + 0.45 * grey + (34.0, 42.0, 28.0), 0.0, 255.0)

@@ -43,7 +43,7 @@ def set_render_quality(spec: mujoco.MjSpec) -> None:
     spec.stat.center = (0.6, 0.0, 0.8)
     spec.visual.map.znear = 0.02
     spec.visual.map.zfar = 30.0
-    spec.visual.map.shadowclip = 0.6
+    spec.visual.map.shadowclip = 1.0
     spec.visual.quality.shadowsize = 1024
     spec.visual.quality.offsamples = 4
     # stems and pipes are a few pixels wide: at MuJoCo's default 28 × 16 they would be most of the triangles

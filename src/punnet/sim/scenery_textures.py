@@ -25,17 +25,35 @@ def _image(colour: NDArray[np.floating]) -> _Image:
     return np.asarray(np.clip(colour, 0.0, 255.0), dtype=np.uint8)
 
 
+def _stones(
+    rng: np.random.Generator, size: int, spacing: float
+) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """Break a tile into stones: the stone each pixel belongs to, and how far it is from the stone's middle."""
+    count = int((size / spacing) ** 2)
+    middles = np.full((size, size), 255, dtype=np.uint8)
+    places = rng.integers(0, size, (2, count))
+    middles[places[0], places[1]] = 0
+    pad = int(4 * spacing)
+    tiled = cv2.copyMakeBorder(middles, pad, pad, pad, pad, cv2.BORDER_WRAP)
+    away, stone = cv2.distanceTransformWithLabels(tiled, cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL)
+    inner = slice(pad, pad + size)
+    # the copies of one stone across the seam must share a label: name it by the pixel of its middle
+    rows, columns = np.nonzero(tiled == 0)
+    names = np.zeros(int(stone.max()) + 1, dtype=np.int32)
+    names[stone[rows, columns]] = (rows - pad) % size * size + (columns - pad) % size
+    return names[stone[inner, inner]], np.asarray(away[inner, inner] / spacing, dtype=np.float32)
+
+
 def paint_gravel(rng: np.random.Generator, *, size: int = 512) -> _Image:
     """Paint pale limestone chippings with rusty and damp patches, tiling; (size, size, 3)."""
-    stones = tiling_noise(rng, (size, size), 1.1)
-    shade = stones - np.roll(stones, (1, 1), axis=(0, 1))  # lit from one side, so that it reads as relief
-    shade /= shade.std()
+    stone, away = _stones(rng, size, 4.6)
+    tints = rng.normal(1.0, 0.065, (size * size, 1)) + rng.normal(0.0, 0.014, (size * size, 3))
+    tone = 1.06 - 0.20 * np.clip(away, 0.0, 1.2) ** 2  # dark joints
+    tone += 0.06 * (away - np.roll(away, (2, 1), axis=(0, 1)))  # lit from one side
+    tone += 0.03 * tiling_noise(rng, (size, size), 24.0)
     patches = np.clip(tiling_noise(rng, (size, size), 40.0) - 0.6, 0.0, 1.5)[..., None]
-    tone = 1.0 + 0.045 * stones + 0.075 * shade + 0.03 * tiling_noise(rng, (size, size), 24.0)
-    tone -= 0.16 * np.clip(-stones - 1.3, 0.0, 1.0)
-    tint = 1.0 + 0.02 * tiling_noise(rng, (size, size), 2.2)[..., None] * np.array((1.0, 0.2, -1.0))
-    colour = np.array((204.0, 195.0, 186.0)) * tone[..., None] * tint
-    return _image(colour * (1.0 - patches * np.array((0.06, 0.10, 0.15))))
+    colour = np.array((208.0, 199.0, 190.0)) * tints[stone] * tone[..., None]
+    return _image(colour * (1.0 - patches * np.array((0.03, 0.06, 0.10))))
 
 
 def paint_soil(rng: np.random.Generator) -> _Image:

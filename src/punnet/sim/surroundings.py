@@ -42,14 +42,11 @@ def add_surroundings(
     plants = add_mesh_asset(
         spec, "next_row", row_mesh(rng, _ROW_LENGTH), row_texture(rng), specular=0.0, shininess=0.0
     )
+    leaves_only = add_mesh_asset(spec, "own_row", row_mesh(rng, _ROW_LENGTH, berries=0), plants.material)
     add_painted_material(spec, "hedge", paint_hedge(rng), repeat=(0.7, 0.7))
     for side in (-1, 1):  # the plant's own row goes on to both sides, out of the arm's reach
-        add_mesh_geom(
-            spec,
-            f"own_row{side}",
-            plants,
-            (gutter[0] + 0.06, side * (0.75 + _ROW_LENGTH / 2), gutter[2] + 0.08),
-        )
+        middle = (gutter[0] + 0.08, side * (0.75 + _ROW_LENGTH / 2), gutter[2] + 0.12)
+        add_mesh_geom(spec, f"own_row{side}", leaves_only, middle)
     for number, x in enumerate(next_rows):
         _add_row(spec, rng, f"row{number}", x, ground, gutter, plants if number < 2 else None)
     add_painted_material(spec, "backdrop", paint_backdrop(rng), emission=0.3)
@@ -63,7 +60,7 @@ def add_surroundings(
 
 
 def _add_ground(spec: mujoco.MjSpec, rng: np.random.Generator, ground: float) -> None:
-    add_painted_material(spec, "gravel", paint_gravel(rng), repeat=(0.7, 0.7))
+    add_painted_material(spec, "gravel", paint_gravel(rng), repeat=(1.0, 1.0))
     spec.worldbody.add_geom(
         name="ground",
         type=mujoco.mjtGeom.mjGEOM_PLANE,
@@ -78,10 +75,8 @@ def _add_ground(spec: mujoco.MjSpec, rng: np.random.Generator, ground: float) ->
         rng.random() < 0.5
     ):  # some aisles are gravel from end to end, others leave the soil under the rows bare
         add_painted_material(spec, "soil", paint_soil(rng), repeat=(1.1, 1.1))
-        near = rng.uniform(2.1, 3.2)
-        for number, x in enumerate((near, near + 1.6, near + 3.2, near + 4.8)):
-            depth = rng.uniform(0.6, 0.9)
-            add_box(spec, f"soil{number}", (x, -_REACH, ground), (x + depth, _REACH, ground + 0.004), "soil")
+        start, depth = rng.uniform(2.0, 3.4), rng.uniform(0.8, 2.2)
+        add_box(spec, "soil", (start, -_REACH, ground), (start + depth, _REACH, ground + 0.004), "soil")
 
 
 def _add_row(
