@@ -1,4 +1,4 @@
-"""Grams by eye: silhouette, depth and intrinsics to a volume and a weight with its interval, before picking."""
+"""Grams by eye, before picking: silhouette, depth and intrinsics to a volume, a weight and its interval."""
 
 from punnet.weight.cloud import berry_cloud, relief_height
 from punnet.weight.ellipsoid import EllipsoidConfig, EllipsoidEstimator

@@ -21,13 +21,13 @@ _LEAST_RELIEF_POINTS = 60
 def depth_layer(depths: NDArray[np.floating]) -> tuple[float, float]:
     """Nearest and farthest depth of the layer that holds most of ``depths`` (P,) metres.
 
-    Layers are parted by at least :data:`LAYER_GAP` without a reading: a mask that leaks on to the background, or has
-    a leaf in front of it, has two. Of equal layers the nearer is taken. NaN, NaN without depths.
+    Layers are parted by at least :data:`LAYER_GAP` without a reading: a mask that leaks on to the background, or
+    has a leaf in front of it, has two. Of equal layers the nearer is taken. NaN, NaN without depths.
     """
     ordered = np.sort(np.asarray(depths, dtype=np.float64).ravel())
     if not ordered.size:
         return float("nan"), float("nan")
-    # Stray readings between two layers must not bridge them: each end of a gap is judged over a hundredth of all.
+    # Stray readings between two layers must not bridge them: only each hundredth reading is looked at.
     stride = max(1, ordered.size // 100)
     coarse = ordered[stride // 2 :: stride]
     parts = np.split(coarse, np.flatnonzero(np.diff(coarse) > LAYER_GAP) + 1)
@@ -40,8 +40,8 @@ def berry_cloud(
 ) -> NDArray[np.float64]:
     """Camera-frame points (P, 3) of the berry under ``mask`` (H, W), without its edge and without outliers.
 
-    Two pixels of the outline are left out, where stereo mixes the berry with what is behind it; then only the layer
-    of depth that holds most points is kept. May be empty.
+    Two pixels of the outline are left out, where stereo mixes the berry with what is behind it; then only the
+    layer of depth that holds most points is kept. May be empty.
     """
     inside = mask
     eroded = cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8), iterations=_EDGE_PIXELS) > 0
@@ -56,16 +56,16 @@ def berry_cloud(
 
 
 def relief_height(points: NDArray[np.float64], dome: NDArray[np.float64]) -> float:
-    """Height in metres of the ellipsoidal dome that fits best: half the berry's extent towards the camera.
+    """Fit the ellipsoidal dome whose height, metres, is half the berry's extent towards the camera.
 
-    Least squares of range = a + b x + c y − h · dome, so that neither a tilt nor an offset of the surface counts.
+    Least squares of range = a + b x + c y − h · dome, so that neither tilt nor offset counts.
 
     Parameters
     ----------
     points
         (P, 3): x, y across the view of the berry, z the range.
     dome
-        (P,) height of the unit dome √(1 − ρ²) at each point, ρ from 0 at the silhouette's middle to 1 at its edge.
+        (P,) the unit dome √(1 − ρ²) at each point, ρ from 0 in the outline's middle to 1 at its edge.
 
     Returns
     -------

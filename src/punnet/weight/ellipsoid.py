@@ -1,8 +1,8 @@
 """Weight from geometry alone: silhouette and depth to an ellipsoid-like volume, times density.
 
-For a ball of radius R whose centre is D away, the outline is seen under the half-angle α with sin α = R / D, and half
-of what shows of it is nearer than D − R/√2. So the median range m of the cloud and the outline give D and R without
-circles: D = m / (1 − sin α / √2). A berry is no ball; its outline's area A stands for R, and its volume is
+For a ball of radius R whose centre is D away, the outline is seen under the half-angle α with sin α = R / D, and
+half of what shows of it is nearer than D − R/√2. So the median range m of the cloud and the outline give D and R
+without circles: D = m / (1 − sin α / √2). A berry is no ball; its outline's area A stands for R, and its volume is
 V = f · ⅔ A T with T the extent along the line of sight (an ellipsoid has f = 1 exactly). T can't be seen; it is
 guessed from the outline, and corrected by how much the cloud bulges towards the camera.
 """
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,11 +43,15 @@ class EllipsoidConfig:
     thickness_factor
         T over √(length · width) of the outline, before the cloud is asked.
     thickness_spread, relief_spread
-        Relative standard deviations of that guess and of what the cloud's bulge says; they decide who is believed.
+        Relative standard deviations of that guess and of what the cloud's bulge says: who is believed.
     relief_gain
         Bulge that the camera shows of a berry's true half extent: stereo smooths it.
     shape_spread
         Relative standard deviation of shape and density together.
+    calyx_share
+        Share of the outline that the berry's own calyx and stem may cover without anything being hidden.
+    hidden_gain
+        Logarithm of the weight that is missed for each share of the outline hidden beyond that.
     least_pixels
         Fewest mask pixels of a berry that is weighed.
     range_limits
@@ -66,11 +71,13 @@ class EllipsoidConfig:
 
     density: float = 0.92
     shape_factor: float = 0.960
-    thickness_factor: float = 1.0
+    thickness_factor: float = 0.977
     thickness_spread: float = 0.10
-    relief_spread: float = 0.12
-    relief_gain: float = 1.0
-    shape_spread: float = 0.05
+    relief_spread: float = 0.15
+    relief_gain: float = 0.93
+    shape_spread: float = 0.045
+    calyx_share: float = 0.15
+    hidden_gain: float = 0.6
     least_pixels: int = 60
     range_limits: tuple[float, float] = (0.08, 3.0)
     weight_limits: tuple[float, float] = (0.2, 120.0)
@@ -86,6 +93,7 @@ class EllipsoidConfig:
             "relief_spread",
             "relief_gain",
             "shape_spread",
+            "hidden_gain",
         ):
             if not 0 < getattr(self, name) < math.inf:
                 raise ConfigurationError(f"ellipsoid: {name} must be positive, got {getattr(self, name)}")
@@ -142,14 +150,14 @@ class EllipsoidEstimator:
         ranges = np.linalg.norm(cloud, axis=1)
         sine = math.sin(math.atan(math.sqrt(outline.area / math.pi)))
         distance = float(np.median(ranges)) / (1.0 - _MEDIAN_RANGE * sine)
-        # Lengths per metre of distance hold where the outline is: on the ball's rim, at D cos α² along the ray.
+        # The outline is the ball's rim as the camera sees it, nearer than its centre: R = D cos α · tan α.
         scale = distance * math.sqrt(1.0 - sine * sine)
-        # The calyx and the stem lie at the berry's own depth or behind; what hides it is nearer than its near half.
-        hidden = hidden_share(depth, own, nearest - LAYER_GAP / 2)
+        hidden = self._hidden(depth, own, cloud)
         thickness, spread = self._thickness(outline, scale, cloud, ranges, hidden)
         area = outline.area * scale * scale
         volume = self.config.shape_factor * 2.0 / 3.0 * area * thickness
         weight = volume * _GRAMS_PER_CUBIC_METRE * self.config.density
+        weight *= math.exp(self.config.hidden_gain * hidden)
         low, high = self.config.weight_limits
         if not low <= weight <= high:
             raise _NoEstimateError(f"{weight:.3g} g is no berry's weight; check mask, depth and camera")
@@ -217,21 +225,26 @@ class EllipsoidEstimator:
         spread = 1.0 / math.sqrt(config.thickness_spread**-2 + doubt**-2)
         return guess * (bulge / guess) ** share, spread
 
+    def _hidden(
+        self, depth: NDArray[np.float32], own: NDArray[np.bool_], cloud: NDArray[np.float64]
+    ) -> float:
+        """Share of the outline, beyond the calyx, where something is in front of the berry's nearer half."""
+        share = hidden_share(depth, own, float(np.median(cloud[:, 2])) - _DEPTH_NOISE)
+        return max(0.0, share - self.config.calyx_share) / (1.0 - self.config.calyx_share)
+
     def _interval(self, weight: float, thickness: float, pixels: float, hidden: float) -> tuple[float, float]:
         """Log-normal interval; what is hidden can only add weight, so it widens the upper side most."""
         outline = 1.5 * 2.0 / pixels  # the outline is known to about a pixel all around
         known = math.hypot(self.config.shape_spread, thickness, outline, _DISTANCE_SPREAD)
-        # Quantile of the standard normal by its coverage; imported here to keep the module's start light.
-        from statistics import NormalDist
-
         quantile = NormalDist().inv_cdf(0.5 + self.config.coverage / 2.0)
-        below = quantile * math.hypot(known, 0.3 * hidden)
-        above = quantile * math.hypot(known, 0.9 * hidden)
+        below = quantile * math.hypot(known, self.config.hidden_gain * hidden)
+        above = quantile * math.hypot(known, 4.0 * self.config.hidden_gain * hidden)
         return weight * math.exp(-below), weight * math.exp(above)
 
 
+_DEPTH_NOISE = 0.002
 _DISTANCE_SPREAD = 0.02
-"""Relative error of the weight by that of the distance: V grows with its cube, and stereo is good to 2–3 mm."""
+"""Relative error of the weight by the distance's: V grows with its cube, and stereo is good to 2–3 mm."""
 
 
 def _axis(berries: Strawberries, index: int) -> NDArray[np.float64] | None:

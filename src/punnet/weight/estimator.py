@@ -43,9 +43,7 @@ class WeightEstimates:
             )
         missing = np.isnan(self.grams)
         if any((reason is None) == bool(gone) for reason, gone in zip(self.reasons, missing, strict=True)):
-            raise ShapeError(
-                "weights: an estimate that is NaN needs a reason, and one with grams must have none"
-            )
+            raise ShapeError("weights: a NaN needs a reason, and grams must have none")
 
 
 @runtime_checkable

@@ -86,9 +86,7 @@ def weight_errors(true: ArrayLike, estimated: ArrayLike) -> WeightErrors:
 def _checked(true: ArrayLike, estimated: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     truth, guess = np.asarray(true, dtype=np.float64), np.asarray(estimated, dtype=np.float64)
     if truth.ndim != 1 or truth.shape != guess.shape or truth.size == 0:
-        raise ShapeError(
-            f"weights: need two equal lists of at least one, got {truth.shape} and {guess.shape}"
-        )
+        raise ShapeError(f"weights: need two equal lists, not empty, got {truth.shape} and {guess.shape}")
     if not (np.isfinite(truth) & (truth > 0)).all():
         raise ShapeError("weights: true weights must be positive and finite")
     return truth, guess

@@ -1,7 +1,7 @@
 """The outline of one berry, seen as if the camera looked straight at it.
 
-A pinhole camera draws a ball near the picture's border as an ellipse, up to 40% larger in area than in the middle.
-Sizes are therefore taken on the plane across the line of sight to the berry, in units of distance.
+A pinhole camera draws a ball near the picture's border as an ellipse, up to 40% larger in area than in the
+middle. Sizes are therefore taken on the plane across the line of sight to the berry, in units of distance.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _RING = 3
 
 @dataclass(frozen=True, eq=False)
 class Silhouette:
-    """A convex outline on the plane at distance 1 across the line of sight; lengths are per metre of distance.
+    """A convex outline on the plane at distance 1 across the line of sight; sizes are per metre of it.
 
     Parameters
     ----------
@@ -79,9 +79,8 @@ def measure_silhouette(
     v, u = np.nonzero(mask)
     hull = cv2.convexHull(np.column_stack((u, v)).astype(np.int32))[:, 0, :].astype(np.float64)
     if len(hull) < 3:  # a line of pixels
-        hull = np.concatenate(
-            [hull + offset for offset in ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))]
-        )
+        corners = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
+        hull = (hull[:, None] + corners).reshape(-1, 2)
         hull = cv2.convexHull(hull.astype(np.float32))[:, 0, :].astype(np.float64)
     middle = back_project(camera, (hull.min(axis=0) + hull.max(axis=0)) / 2.0, 1.0)
     R = _looking_along(middle)
@@ -137,21 +136,13 @@ def _axis_direction(
     return np.asarray(np.linalg.eigh(spread)[1][:, -1])
 
 
-def hidden_share(
-    depth: NDArray[np.float32],
-    mask: NDArray[np.bool_],
-    nearer_than: float,
-    beyond: NDArray[np.bool_] | None = None,
-) -> float:
+def hidden_share(depth: NDArray[np.float32], mask: NDArray[np.bool_], nearer_than: float) -> float:
     """Share of a mask's outline, 0 … 1, along which something nearer than ``nearer_than`` metres begins.
 
-    There the berry goes on behind it. The picture's border counts as such. ``beyond`` (H, W) marks pixels that are
-    known to be no part of what hides it.
+    There the berry goes on behind it. The picture's border counts as such.
     """
     padded = np.pad(mask, _RING)
     nearer = np.pad((depth > 0) & (depth < nearer_than), _RING, constant_values=True) & ~padded
-    if beyond is not None:
-        nearer &= ~np.pad(beyond, _RING)
     kernel = np.ones((2 * _RING + 1, 2 * _RING + 1), np.uint8)
     inner = padded & (cv2.erode(padded.astype(np.uint8), np.ones((3, 3), np.uint8)) == 0)
     touched = inner & (cv2.dilate(nearer.astype(np.uint8), kernel) > 0)
