@@ -59,7 +59,7 @@ def test_seeds_change_the_scene():
 
 
 def test_mesh_asset_keeps_its_own_frame():
-    """The compiler recentres meshes; a geom at the identity must still show the berry in the berry's frame."""
+    """The compiler recentres meshes; a geom at the identity must still show a berry in its own frame."""
     rng = np.random.default_rng(0)
     berry = make_berry(rng, RipenessStage.RIPE)
     calyx = make_calyx(rng, berry.width)

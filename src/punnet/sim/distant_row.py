@@ -86,7 +86,8 @@ def _hanging_berry(rng: np.random.Generator, length: float) -> list[Mesh]:
     z = rng.triangular(-0.30, -0.14, -0.06)
     rim = np.linspace(0.0, 2.0 * np.pi, 7)[:-1]
     half_width = np.where(np.cos(rim) > 0, 1.0, 0.75) * np.sin(rim)
-    ring = np.column_stack((np.zeros(6), width * half_width, 1.25 * width * np.cos(rim))) + (x, y, z)
+    ring = np.column_stack((np.zeros(6), width * half_width, 1.25 * width * np.cos(rim)))
+    ring += np.array((x, y, z))
     uv = np.full((6, 2), 0.75) + 0.05 * np.column_stack((np.sin(rim), np.cos(rim)))
     fruit = _facing_front(ring, np.array([(0, k, k + 1) for k in range(1, 5)]), uv)
     top, sway = z + 1.2 * width, rng.normal(0.0, 0.02)

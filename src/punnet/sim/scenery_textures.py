@@ -28,7 +28,7 @@ def _image(colour: NDArray[np.floating]) -> _Image:
 def _stones(
     rng: np.random.Generator, size: int, spacing: float
 ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """Break a tile into stones: the stone each pixel belongs to, and how far it is from the stone's middle."""
+    """Break a tile into stones: each pixel's stone, and how far it is from the stone's middle."""
     count = int((size / spacing) ** 2)
     middles = np.full((size, size), 255, dtype=np.uint8)
     places = rng.integers(0, size, (2, count))

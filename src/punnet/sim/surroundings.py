@@ -74,7 +74,7 @@ def _add_ground(spec: mujoco.MjSpec, rng: np.random.Generator, ground: float) ->
     if (
         rng.random() < 0.5
     ):  # some aisles are gravel from end to end, others leave the soil under the rows bare
-        add_painted_material(spec, "soil", paint_soil(rng), repeat=(1.1, 1.1))
+        add_painted_material(spec, "soil", paint_soil(rng), repeat=(0.5, 0.5))
         start, depth = rng.uniform(2.0, 3.4), rng.uniform(0.8, 2.2)
         add_box(spec, "soil", (start, -_REACH, ground), (start + depth, _REACH, ground + 0.004), "soil")
 
