@@ -21,8 +21,8 @@ _LEAST_RELIEF_POINTS = 60
 def depth_layer(depths: NDArray[np.floating]) -> tuple[float, float]:
     """Nearest and farthest depth of the layer that holds most of ``depths`` (P,) metres.
 
-    Layers are parted by at least :data:`LAYER_GAP` without a reading: a mask that leaks on to the background, or
-    has a leaf in front of it, has two. Of equal layers the nearer is taken. NaN, NaN without depths.
+    Layers are parted by at least :data:`LAYER_GAP` without a reading: a mask that leaks on to the background,
+    or has a leaf in front of it, has two. Of equal layers the nearer is taken. NaN, NaN without depths.
     """
     ordered = np.sort(np.asarray(depths, dtype=np.float64).ravel())
     if not ordered.size:

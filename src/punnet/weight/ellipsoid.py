@@ -1,10 +1,11 @@
 """Weight from geometry alone: silhouette and depth to an ellipsoid-like volume, times density.
 
-For a ball of radius R whose centre is D away, the outline is seen under the half-angle α with sin α = R / D, and
-half of what shows of it is nearer than D − R/√2. So the median range m of the cloud and the outline give D and R
-without circles: D = m / (1 − sin α / √2). A berry is no ball; its outline's area A stands for R, and its volume is
-V = f · ⅔ A T with T the extent along the line of sight (an ellipsoid has f = 1 exactly). T can't be seen; it is
-guessed from the outline, and corrected by how much the cloud bulges towards the camera.
+For a ball of radius R whose centre is D away, the outline is seen under the half-angle α with sin α = R
+/ D, and half of what shows of it is nearer than D − R/√2. So the median range m of the cloud and the
+outline give D and R without circles: D = m / (1 − sin α / √2). A berry is no ball; its outline's area A
+stands for R, and its volume is V = f · ⅔ A T with T the extent along the line of sight (an ellipsoid has
+f = 1 exactly). T can't be seen; it is guessed from the outline, and corrected by how much the cloud
+bulges towards the camera.
 """
 
 from __future__ import annotations
