@@ -8,13 +8,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["BerryAxis", "berry_axis", "fruit_keypoints", "stem_column"]
+__all__ = ["BerryAxis", "berry_axis", "filled_hull", "find_stem", "fruit_keypoints"]
 
 Vector = NDArray[np.float64]
 
 # How much each cue says about where the calyx is, relative to gravity = 1 (berries hang).
 CALYX_WEIGHT = 1.2
 ELONGATION_WEIGHT = 4.0
+# Least share of the way from calyx to picking point that is green if a strand is this berry's stem.
+LEAST_STEM = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,14 +46,16 @@ class BerryAxis:
 def berry_axis(mask: NDArray[np.uint8], leaf: NDArray[np.uint8], gravity_up: Vector) -> BerryAxis:
     """Axis of the berry ``mask`` (H, W) 0/1.
 
+    The convex hull stands for the outline, so that sepals that hang over the fruit do not bend the axis.
     Three cues are added as vectors: gravity (weight 1), the direction in which green of ``leaf`` lies around
     the outline (weight: how one-sided it is), and the principal axis of the outline (weight: how elongated it
     is), which has no sign of its own and takes the one nearer to the other two.
     """
-    v, u = np.nonzero(mask)
+    hull = filled_hull(mask)
+    v, u = np.nonzero(hull)
     pixels = np.stack((u, v), axis=1).astype(np.float64)
     centre = pixels.mean(axis=0)
-    green, evidence = _calyx_direction(mask, leaf, centre)
+    green, evidence = _calyx_direction(mask, hull, leaf, centre)
     direction = gravity_up + CALYX_WEIGHT * evidence * green
     if len(pixels) >= 3:
         spread, axes = np.linalg.eigh(np.cov((pixels - centre).T))
@@ -64,12 +68,20 @@ def berry_axis(mask: NDArray[np.uint8], leaf: NDArray[np.uint8], gravity_up: Vec
     return BerryAxis(centre, _unit(direction, fallback=gravity_up), evidence)
 
 
+def filled_hull(mask: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Fill the convex hull of a mask (H, W) 0/1."""
+    points = np.argwhere(mask)[:, ::-1].astype(np.int32)
+    if len(points) < 3:
+        return mask
+    return np.asarray(cv2.fillConvexPoly(mask.copy(), cv2.convexHull(points), 1), dtype=np.uint8)
+
+
 def _calyx_direction(
-    mask: NDArray[np.uint8], leaf: NDArray[np.uint8], centre: Vector
+    mask: NDArray[np.uint8], hull: NDArray[np.uint8], leaf: NDArray[np.uint8], centre: Vector
 ) -> tuple[Vector, float]:
     reach = max(2, round(0.15 * float(np.sqrt(mask.sum()))))
     window = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-    ring = np.asarray(cv2.dilate(mask, window), dtype=np.uint8) & (1 - mask)
+    ring = np.asarray(cv2.dilate(hull, window), dtype=np.uint8) & (1 - mask)
     v, u = np.nonzero(ring & leaf)
     total = int(ring.sum())
     if len(u) == 0 or total == 0:
@@ -83,33 +95,27 @@ def _calyx_direction(
 
 
 def fruit_keypoints(mask: NDArray[np.uint8], axis: BerryAxis) -> Vector:
-    """(4, 2) pixels of top, bottom, left_grasp, right_grasp on the outline of ``mask``.
+    """(4, 2) pixels of top, bottom, left_grasp, right_grasp on the convex hull of ``mask``.
 
-    Top and bottom are where the axis leaves the fruit; the grasping points lie where the fruit is widest
-    across it.
+    The top is where the axis leaves the fruit, the bottom the tip near it; the grasping points lie where the
+    fruit is widest across the axis.
     """
-    v, u = np.nonzero(mask)
+    v, u = np.nonzero(filled_hull(mask))
     relative = np.stack((u, v), axis=1).astype(np.float64) - axis.centre
     along, across = relative @ axis.up, relative @ axis.left
     width = float(across.max() - across.min()) + 1.0
-    # Tip and calyx are looked for near the axis, so that a shoulder or a bump does not pass for them.
-    near = np.abs(across - np.median(across)) <= 0.2 * width
-    near = near if near.any() else np.ones_like(near)
-    top = (
-        along[near].max() * axis.up + _mean_across(along, across, near, highest=along[near].max()) * axis.left
-    )
-    bottom = (
-        along[near].min() * axis.up + _mean_across(along, across, near, highest=along[near].min()) * axis.left
-    )
+    on_axis = np.abs(across) <= 0.75
+    top = along[on_axis].max(initial=0.0) * axis.up
+    # The tip is looked for near the axis, so that a bump aside does not pass for it.
+    near = np.abs(across) <= max(0.75, 0.2 * width)
+    lowest = along[near].min(initial=0.0)
+    tip = across[near & (along <= lowest + 1.0)]
+    bottom = lowest * axis.up + (float(tip.mean()) if len(tip) else 0.0) * axis.left
     widest = _widest_height(along, across)
     slice_ = np.abs(along - widest) <= 1.0
     left = across[slice_].max() * axis.left + widest * axis.up
     right = across[slice_].min() * axis.left + widest * axis.up
     return np.stack((top, bottom, left, right)) + axis.centre
-
-
-def _mean_across(along: Vector, across: Vector, near: NDArray[np.bool_], *, highest: float) -> float:
-    return float(across[near & (np.abs(along - highest) <= 1.0)].mean())
 
 
 def _widest_height(along: Vector, across: Vector) -> float:
@@ -125,37 +131,54 @@ def _widest_height(along: Vector, across: Vector) -> float:
     return float((wide[0] + wide[-1]) / 2 + lowest)
 
 
-def stem_column(
-    leaf: NDArray[np.uint8], point: Vector, axis: BerryAxis, *, reach: float, thickness: float
+def find_stem(
+    leaf: NDArray[np.uint8], top: Vector, expected: Vector, *, reach: float, thickness: float
 ) -> Vector | None:
-    """Find the stem nearest to ``point`` on the line across the axis; None if no green strand crosses it.
+    """Find the stem near the pixel ``expected``; None if no green strand there leads to the calyx.
+
+    Strands are looked for on the line through ``expected`` across the way from ``top``. Of those, the one is
+    taken whose straight way down to the calyx is greenest, less a penalty for lying aside: a neighbour's stem
+    may pass nearer, but background parts it from this berry.
 
     Parameters
     ----------
     leaf
         (H, W) uint8 0/1, green pixels.
-    point
+    top
+        (2,) pixel of the calyx.
+    expected
         (2,) pixel at which the stem is expected.
-    axis
-        The berry's axis.
     reach
         How far to either side to look, pixels.
     thickness
         Widest run of green that passes for a stem, pixels: wider ones are leaves.
     """
+    upward = _unit(expected - top)
+    across = np.array([upward[1], -upward[0]])
     offsets = np.arange(-np.ceil(reach + thickness), np.ceil(reach + thickness) + 1)
-    line = np.rint(point + offsets[:, None] * axis.left).astype(np.int64)
-    inside = (line >= 0).all(axis=1) & (line[:, 0] < leaf.shape[1]) & (line[:, 1] < leaf.shape[0])
-    green = np.zeros(len(line), dtype=np.int8)
-    green[inside] = leaf[line[inside, 1], line[inside, 0]]
+    green = _sample(leaf, expected + offsets[:, None] * across).astype(np.int8)
     steps = np.diff(np.concatenate(([0], green, [0])))
     starts, ends = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
     middles = (starts + ends - 1) / 2 - len(offsets) // 2
-    strand = (ends - starts <= thickness) & (np.abs(middles) <= reach)
-    if not strand.any():
-        return None
-    nearest = middles[strand][np.argmin(np.abs(middles[strand]))]
-    return np.asarray(point + nearest * axis.left, dtype=np.float64)
+    best, best_merit = None, 0.0
+    for middle in middles[(ends - starts <= thickness) & (np.abs(middles) <= reach)]:
+        strand = expected + middle * across
+        way = top + np.linspace(0.25, 1.0, 16)[:, None] * (strand - top)
+        # A stem a pixel or two wide need not be straight: either neighbour will do.
+        connected = float(np.max([_sample(leaf, way + side * across) for side in (-1, 0, 1)], axis=0).mean())
+        merit = connected - 0.3 * abs(float(middle)) / reach
+        if connected >= LEAST_STEM and merit > best_merit:
+            best, best_merit = strand, merit
+    return best
+
+
+def _sample(mask: NDArray[np.uint8], points: Vector) -> NDArray[np.uint8]:
+    """Values of ``mask`` at the pixels nearest to ``points`` (P, 2), 0 outside."""
+    nearest = np.rint(points).astype(np.int64)
+    inside = (nearest >= 0).all(axis=1) & (nearest[:, 0] < mask.shape[1]) & (nearest[:, 1] < mask.shape[0])
+    values = np.zeros(len(points), dtype=np.uint8)
+    values[inside] = mask[nearest[inside, 1], nearest[inside, 0]]
+    return values
 
 
 def _unit(vector: Vector, fallback: Vector | None = None) -> Vector:

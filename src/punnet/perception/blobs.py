@@ -137,7 +137,6 @@ def _describe(
     inside = mask > 0
     area = int(mask.sum())
     colours = lab[:, window[0], window[1]][:, inside]
-    ripe, weight = pixel_ripeness(colours)
     median = np.median(colours, axis=1)
     readings = np.zeros(0) if depth is None else depth[window][inside]
     readings = readings[readings > 0]
@@ -151,11 +150,20 @@ def _describe(
         aspect=_aspect(mask),
         chroma=float(np.hypot(median[1] - 128, median[2] - 128)),
         contrast=_contrast(labels, label, window, lab, median),
-        ripeness=float((ripe * weight).sum() / max(float(weight.sum()), 1e-6)),
+        ripeness=_ripeness(mask, lab[:, window[0], window[1]]),
         cut=_at_edge(window, labels.shape),
         depth=distance,
         diameter=float("nan") if focal is None else distance / focal * 2.0 * float(np.sqrt(area / np.pi)),
     )
+
+
+def _ripeness(mask: NDArray[np.uint8], lab: NDArray[np.uint8]) -> float:
+    """Mean over the flesh without its rim, where calyx, leaves and background mix in."""
+    reach = max(3, int(0.12 * np.sqrt(mask.sum())) | 1)
+    core = cv2.erode(np.pad(mask, 1), np.ones((reach, reach), np.uint8))[1:-1, 1:-1] > 0
+    inside = core if core.any() else mask > 0
+    ripe, weight = pixel_ripeness(lab[:, inside])
+    return float((ripe * weight).sum() / max(float(weight.sum()), 1e-6))
 
 
 def _at_edge(window: tuple[slice, slice], shape: tuple[int, ...]) -> bool:
@@ -212,9 +220,9 @@ def plausible(blob: Blob, config: BlobConfig) -> bool:
 def score(blob: Blob) -> float:
     """Confidence in [0, 1]: a logistic model of size, shape, colour and place.
 
-    Fitted to which detections on ``psd/dc_train`` match an annotation of their class at IoU .5 (area under its ROC
-    curve there .89). Size and contrast count up to what is common there, so that close-ups are no surer than they
-    should be; a berry of mixed colour may be of either class.
+    Fitted to which detections on ``psd/dc_train`` match an annotation of their class at IoU .5 (area under
+    its ROC curve there .89). Size and contrast count up to what is common there, so that close-ups are no
+    surer than they should be; a berry of mixed colour may be of either class.
     """
     evidence = (
         -0.4

@@ -37,7 +37,8 @@ class ColourConfig:
     working_pixels
         Larger images are reduced to about this many pixels; masks come back at full size.
     ripe
-        Ripeness from which a berry is pluckable.
+        Ripeness from which a berry is pluckable. The default asks for red all over, since a berry picked too early
+        is lost and one left can be picked later; photographs labelled more generously want about 0.65.
     score
         Detections below this score are dropped.
     most_berries
@@ -57,8 +58,8 @@ class ColourConfig:
     blobs: BlobConfig = field(default_factory=BlobConfig)
     keypoints: KeypointConfig = field(default_factory=KeypointConfig)
     working_pixels: int = 600_000
-    ripe: float = 0.65
-    score: float = 0.1
+    ripe: float = 0.87
+    score: float = 0.2
     most_berries: int = 100
     mask_bytes: int = 4_000_000_000
 

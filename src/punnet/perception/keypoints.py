@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from punnet.errors import ConfigurationError
-from punnet.perception.axis import BerryAxis, berry_axis, fruit_keypoints, stem_column
+from punnet.perception.axis import BerryAxis, berry_axis, find_stem, fruit_keypoints
 from punnet.perception.blobs import Blob
 from punnet.scene import KEYPOINTS, Visibility
 
 __all__ = ["KeypointConfig", "View", "locate_keypoints"]
 
 Vector = NDArray[np.float64]
+STEM_WEIGHT = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,8 +81,13 @@ def locate_keypoints(blob: Blob, view: View, config: KeypointConfig) -> tuple[Ve
     mask, leaf, origin = _surroundings(blob, view, margin)
     axis = berry_axis(mask, leaf, view.gravity_up)
     fruit = fruit_keypoints(mask, axis) + origin
-    axis = BerryAxis(axis.centre + origin, axis.up, axis.calyx_evidence)
     picking, on_stem = _picking_point(blob, view, config, axis, fruit)
+    if on_stem and np.linalg.norm(picking - fruit[1]) > 1.0:
+        # The stem hangs on the middle of the calyx, opposite the tip: it tells the axis better than the
+        # outline.
+        towards_stem = _unit(picking - (axis.centre + origin))
+        axis = BerryAxis(axis.centre, _unit(axis.up + STEM_WEIGHT * towards_stem), axis.calyx_evidence)
+        fruit = fruit_keypoints(mask, axis) + origin
     points = np.concatenate((picking[None], fruit))
     return _with_visibility(points, on_stem, blob, view, config)
 
@@ -108,12 +114,15 @@ def _picking_point(
         height = config.picking_height * view.focal / blob.depth
     # Above the calyx the stem bends from the berry's axis towards the vertical it hangs by.
     direction = axis.up + view.gravity_up
-    direction = direction / max(float(np.linalg.norm(direction)), 1e-9)
-    expected = top + height * direction
-    stem = stem_column(
-        view.leaf, expected, axis, reach=config.stem_reach * width, thickness=max(3.0, 0.3 * width)
+    expected = top + height * _unit(direction)
+    stem = find_stem(
+        view.leaf, top, expected, reach=config.stem_reach * width, thickness=max(3.0, 0.3 * width)
     )
     return (expected, False) if stem is None else (stem, True)
+
+
+def _unit(vector: Vector) -> Vector:
+    return np.asarray(vector / max(float(np.linalg.norm(vector)), 1e-9), dtype=np.float64)
 
 
 def _with_visibility(

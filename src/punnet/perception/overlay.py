@@ -22,6 +22,7 @@ KEYPOINT_COLOURS: tuple[Colour, ...] = (
     (208, 130, 255),  # right grasp
 )
 TINT = 0.35
+LABELLED_SCORE = 0.5
 DARK: Colour = (20, 20, 20)
 
 
@@ -29,8 +30,8 @@ def draw_overlay(rgb: NDArray[np.uint8], berries: Strawberries) -> NDArray[np.ui
     """Draw masks, boxes, axes, key-points and labels over an image.
 
     Key-points are filled where visible, hollow where the fruit hides them itself, crossed where something
-    else does. Labels tell class, score, ripeness and, if known, grams; labels that would cover one another
-    are moved.
+    else does. Labels tell class, score, ripeness and, if known, grams; where they would cover one another they
+    move, and unpluckable berries of a score under one half go without.
 
     Parameters
     ----------
@@ -55,25 +56,23 @@ def draw_overlay(rgb: NDArray[np.uint8], berries: Strawberries) -> NDArray[np.ui
         )
     picture = rgb.copy()
     scale = max(0.5, min(rgb.shape[:2]) / 600.0)
-    for i in range(len(berries)):
-        if berries.masks is not None:
-            _tint(
-                picture,
-                np.asarray(berries.masks[i]),
-                berries.boxes[i],
-                CLASS_COLOURS[berries.classes[i]],
-                scale,
-            )
-    for i in range(len(berries)):
-        _frame_box(picture, berries.boxes[i], CLASS_COLOURS[berries.classes[i]], scale)
+    for box, berry_class, mask in zip(berries.boxes, berries.classes, _masks(berries), strict=True):
+        if mask is not None:
+            _tint(picture, mask, box, CLASS_COLOURS[berry_class], scale)
+        _frame_box(picture, box, CLASS_COLOURS[berry_class], scale)
     if berries.keypoints is not None and berries.visibility is not None:
         for points, codes in zip(berries.keypoints, berries.visibility, strict=True):
             _keypoints(picture, points, codes, scale)
     taken: list[tuple[int, int, int, int]] = []
     # Ripe berries and sure ones get the good places.
     for i in np.lexsort((-berries.scores, berries.classes)):
-        _label(picture, berries, int(i), taken, scale)
+        if berries.pluckable[i] or berries.scores[i] >= LABELLED_SCORE:
+            _label(picture, berries, int(i), taken, scale)
     return picture
+
+
+def _masks(berries: Strawberries) -> list[NDArray[np.bool_] | None]:
+    return [None] * len(berries) if berries.masks is None else list(berries.masks)
 
 
 def _tint(
@@ -108,15 +107,11 @@ def _keypoints(
     known = np.isfinite(points).all(axis=1)
     for one, two in ((0, 1), (1, 2), (3, 4)):
         if known[one] and known[two]:
-            cv2.line(
-                picture,
-                _pixel(points[one]),
-                _pixel(points[two]),
-                (245, 245, 245),
-                _thickness(scale, 0.8),
-                cv2.LINE_AA,
-            )
-    radius = max(2, round(3.0 * scale))
+            start, end = _pixel(points[one]), _pixel(points[two])
+            cv2.line(picture, start, end, (245, 245, 245), _thickness(scale, 0.8), cv2.LINE_AA)
+    # Small berries get small points, or nothing of them would be seen.
+    extent = float(np.ptp(points[known], axis=0).max()) if known.any() else 0.0
+    radius = max(1, round(min(3.0 * scale, 0.07 * extent)))
     for k in np.flatnonzero(known):
         centre, colour = _pixel(points[k]), KEYPOINT_COLOURS[k]
         if codes[k] == Visibility.VISIBLE:

@@ -116,14 +116,14 @@ def _hue_and_chroma() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
 
 
 _HUE, _CHROMA = _hue_and_chroma()
-_RIPE_HUE, _GREEN_HUE = 45.0, 85.0
+_RIPE_HUE, _GREEN_HUE = 35.0, 75.0
 # Grey pixels have no hue: highlights and achenes count little in the mean over a berry.
 _RIPENESS_WEIGHT = np.clip((_CHROMA - 6.0) / 12.0, 0.0, 1.0)
 _RIPENESS = np.clip((_GREEN_HUE - _HUE) / (_GREEN_HUE - _RIPE_HUE), 0.0, 1.0) * (_HUE > -40)
 
 
 def pixel_ripeness(lab: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Ripeness 0 (hue ≥ 85°, green-white) … 1 (hue ≤ 45°, red) of Lab planes (3, ...), and pixel weights."""
+    """Ripeness 0 (hue ≥ 75°, green-white) … 1 (hue ≤ 35°, red) of Lab planes (3, ...), and pixel weights."""
     a, b = lab[1], lab[2]
     return _RIPENESS[a, b].astype(np.float32), _RIPENESS_WEIGHT[a, b].astype(np.float32)
 
@@ -169,6 +169,6 @@ def _grow(seeds: NDArray[np.uint8], region: NDArray[np.uint8]) -> NDArray[np.uin
     """Keep the connected parts of ``region`` that hold a seed."""
     count, labels = cv2.connectedComponents(region, connectivity=4)
     keep = np.zeros(count, dtype=np.uint8)
-    keep[np.unique(labels[seeds > 0])] = 1
+    keep[labels[seeds > 0]] = 1
     keep[0] = 0
     return np.asarray(keep[labels])

@@ -18,8 +18,8 @@ def split_touching(
 ) -> NDArray[np.int32]:
     """Label the berries of one connected region.
 
-    Every local maximum of the distance to the background is a candidate berry. Two candidates are one berry if
-    their union is convex enough and the neck between them is not narrow.
+    Every local maximum of the distance to the background is a candidate berry. Two candidates are one berry
+    if their union is convex enough and the neck between them is not narrow.
 
     Parameters
     ----------
@@ -52,7 +52,8 @@ def split_touching(
 def _climb(distance: NDArray[np.float32], mask: NDArray[np.uint8]) -> tuple[NDArray[np.int32], int]:
     """Basins of the watershed: each pixel belongs to the maximum that steepest ascent from it leads to.
 
-    Written out, because ``cv2.watershed`` floods by colour difference and cuts a distance relief in odd places.
+    Written out, because ``cv2.watershed`` floods by colour difference and cuts a distance relief in odd
+    places.
     """
     height, width = mask.shape
     # A tilt too small to matter breaks ties, so that a plateau has one maximum.
@@ -130,7 +131,8 @@ def _hulls(labels: NDArray[np.int32], count: int) -> list[NDArray[np.int32]]:
 
 def _hull_area(points: NDArray[np.int32]) -> float:
     hull = cv2.convexHull(points)
-    # contourArea measures between pixel centres: half the perimeter and a pixel make it comparable with a count.
+    # contourArea measures between pixel centres: half the perimeter and a pixel make it comparable with a
+    # count.
     return float(cv2.contourArea(hull) + cv2.arcLength(hull, True) / 2 + 1)
 
 
@@ -158,10 +160,9 @@ def region_contacts(labels: NDArray[np.int32], step: int) -> dict[tuple[int, int
     pairs: list[NDArray[np.int64]] = []
     width = int(labels.max()) + 1
     for axis in (0, 1):
-        near = np.moveaxis(labels, axis, 0)[:-step].astype(np.int64)
-        far = np.moveaxis(labels, axis, 0)[step:].astype(np.int64)
+        near, far = np.moveaxis(labels, axis, 0)[:-step], np.moveaxis(labels, axis, 0)[step:]
         touching = (near != far) & (near > 0) & (far > 0)
-        one, two = near[touching], far[touching]
+        one, two = near[touching].astype(np.int64), far[touching].astype(np.int64)
         pairs.append(np.minimum(one, two) * width + np.maximum(one, two))
     keys, counts = np.unique(np.concatenate(pairs), return_counts=True)
     return {(int(key // width), int(key % width)): int(n) for key, n in zip(keys, counts, strict=True)}
