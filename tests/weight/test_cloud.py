@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from weight_scenes import D435I, ellipsoid_scene
 
 from punnet.weight import berry_cloud, relief_height
 from punnet.weight.cloud import depth_layer
+from tests.weight.scenes import D435I, ellipsoid_scene
 
 CENTRE, HALF = (0.03, -0.02, 0.4), (0.014, 0.018, 0.014)
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from weight_scenes import D435I, ellipsoid_grams, ellipsoid_scene, one_berry
 
 from punnet.errors import ConfigurationError
 from punnet.geometry import CameraIntrinsics
 from punnet.scene import Frame, Strawberries
 from punnet.sim.depth_sensor import StereoDepthModel
 from punnet.weight import EllipsoidConfig, EllipsoidEstimator, WeightEstimator
+from tests.weight.scenes import D435I, ellipsoid_grams, ellipsoid_scene, one_berry
 
 CENTRE, HALF = (0.03, -0.02, 0.4), (0.016, 0.019, 0.016)
 EXACT = EllipsoidConfig(shape_factor=1.0, thickness_factor=1.0, relief_gain=1.0)

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
-from weight_scenes import D435I, ellipsoid_scene
 
 from punnet.weight import hidden_share, measure_silhouette
 from punnet.weight.silhouette import tidy_mask
+from tests.weight.scenes import D435I, ellipsoid_scene
 
 
 @pytest.mark.parametrize("centre", [(0.0, 0.0, 0.4), (0.17, 0.12, 0.4), (-0.18, 0.05, 0.4)])
