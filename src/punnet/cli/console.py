@@ -86,7 +86,11 @@ def film_progress() -> Iterator[Callable[[int, int], None]]:
 @contextmanager
 def _bar(what: str) -> Iterator[Callable[[int, int], None]]:
     if not sys.stderr.isatty():
-        yield lambda done, total: whisper(f"{what}: {done} of {total}") if done == total or done % 50 == 0 else None
+        yield (
+            lambda done, total: (
+                whisper(f"{what}: {done} of {total}") if done == total or done % 50 == 0 else None
+            )
+        )
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn

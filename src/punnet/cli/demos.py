@@ -18,14 +18,16 @@ def register(app: typer.Typer) -> None:
     group = typer.Typer(help="Demonstrated reaches.", no_args_is_help=True)
     group.callback()(lambda: None)  # keeps the one command a command of the group
     group.command(
-        "simulate", epilog="Example: punnet demos simulate --configs 25 --repeats 10 --seed 0 --bundle my-reach"
+        "simulate",
+        epilog="Example: punnet demos simulate --configs 25 --repeats 10 --seed 0 --bundle my-reach",
     )(simulate)
     app.add_typer(group, name="demos")
 
 
 def simulate(
     bundle: Annotated[
-        Path, typer.Option("--bundle", help="Folder for the bundle that is learnt from them.", show_default=False)
+        Path,
+        typer.Option("--bundle", help="Folder for the bundle that is learnt from them.", show_default=False),
     ],
     configs: Annotated[int, typer.Option("--configs", min=3, help="Places that a berry hangs in.")] = 25,
     repeats: Annotated[int, typer.Option("--repeats", min=2, help="Reaches to each of them.")] = 10,

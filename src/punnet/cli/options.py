@@ -19,7 +19,8 @@ Force = Annotated[bool, typer.Option("--force", help="Replace the folder if punn
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
 Oracle = Annotated[
-    bool, typer.Option("--oracle", help="True poses and weights in place of perception: what it could do at best.")
+    bool,
+    typer.Option("--oracle", help="True poses and weights in place of perception: what it could do at best."),
 ]
 RgbFile = Annotated[Path, typer.Option("--rgb", help="Photograph, PNG or JPEG.", show_default=False)]
 DepthFile = Annotated[

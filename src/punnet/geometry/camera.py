@@ -77,6 +77,8 @@ class CameraIntrinsics:
         for name in ("width", "height", "fx", "fy", "cx", "cy"):
             found = next((key for key in names.get(name, (name,)) if key in data), None)
             if found is None or isinstance(data[found], bool) or not isinstance(data[found], int | float):
-                raise FileFormatError(f"{where}: '{name}' is missing or not a number; needed: width height fx fy cx cy")
+                raise FileFormatError(
+                    f"{where}: '{name}' is missing or not a number; needed: width height fx fy cx cy"
+                )
             values[name] = int(data[found]) if name in ("width", "height") else float(data[found])
         return cls(**values)

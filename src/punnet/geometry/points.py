@@ -32,7 +32,8 @@ def back_project(camera: CameraIntrinsics, pixels: ArrayLike, depth: ArrayLike) 
     if pixels.shape[-1:] != (2,):
         raise ShapeError(f"back_project: need pixels (..., 2), got {pixels.shape}")
     return np.stack(
-        ((pixels[..., 0] - camera.cx) / camera.fx * z, (pixels[..., 1] - camera.cy) / camera.fy * z, z), axis=-1
+        ((pixels[..., 0] - camera.cx) / camera.fx * z, (pixels[..., 1] - camera.cy) / camera.fy * z, z),
+        axis=-1,
     )
 
 
@@ -41,7 +42,9 @@ def cloud_from_depth(
 ) -> NDArray[np.float64]:
     """Camera-frame cloud (P, 3) of the pixels with a reading (depth > 0), within ``mask`` (H, W) if given."""
     if depth.shape != (camera.height, camera.width):
-        raise ShapeError(f"cloud_from_depth: depth is {depth.shape}, camera says {(camera.height, camera.width)}")
+        raise ShapeError(
+            f"cloud_from_depth: depth is {depth.shape}, camera says {(camera.height, camera.width)}"
+        )
     valid = depth > 0 if mask is None else (depth > 0) & mask
     v, u = np.nonzero(valid)
     return back_project(camera, np.stack((u, v), axis=-1), depth[v, u])

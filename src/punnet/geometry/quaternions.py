@@ -8,7 +8,12 @@ from scipy.spatial.transform import Rotation
 
 from punnet.errors import ShapeError
 
-__all__ = ["continuous_quaternions", "quaternion_angle", "quaternion_from_rotation", "rotation_from_quaternion"]
+__all__ = [
+    "continuous_quaternions",
+    "quaternion_angle",
+    "quaternion_from_rotation",
+    "rotation_from_quaternion",
+]
 
 
 def quaternion_from_rotation(rotation: ArrayLike) -> NDArray[np.float64]:

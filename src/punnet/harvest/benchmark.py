@@ -17,7 +17,14 @@ from punnet.harvest.judge import Fate
 from punnet.harvest.scenario import Perception, Scenario, Session
 from punnet.sim.world import WorldConfig
 
-__all__ = ["BenchmarkResult", "ClusterResult", "cluster_seed", "run_benchmark", "run_cluster", "wilson_interval"]
+__all__ = [
+    "BenchmarkResult",
+    "ClusterResult",
+    "cluster_seed",
+    "run_benchmark",
+    "run_cluster",
+    "wilson_interval",
+]
 
 
 @dataclass(frozen=True)

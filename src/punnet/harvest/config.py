@@ -48,4 +48,6 @@ class HarvestConfig:
                 f"harvest: speeds must lie in (0, 1], got {self.speed} and {self.careful_speed}"
             )
         if self.attempts < 1 or self.most_looks < 1 or self.retreat <= 0 or self.same_berry <= 0:
-            raise ConfigurationError("harvest: attempts and most_looks must be ≥ 1, retreat and same_berry > 0")
+            raise ConfigurationError(
+                "harvest: attempts and most_looks must be ≥ 1, retreat and same_berry > 0"
+            )

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from punnet.geometry import invert_transform, make_transform
 from punnet.planning.approach import approach_rotation, comfortable_angles
 from punnet.robot import HOME, T_FLANGE_TOOL, Panda, nearest_solutions
-
 from punnet.sim.contacts import BRUISING_FORCE
 from punnet.sim.punnets import inside_punnet
 from punnet.sim.truth import true_picking_points
@@ -91,7 +90,8 @@ def reachable_berries(world: World, arm: Panda | None = None) -> NDArray[np.bool
         before = make_transform(rotations, point - _APPROACH_DISTANCE * rotations[:, :, 2])
         flange_tool = invert_transform(T_FLANGE_TOOL)
         solved = [
-            np.isfinite(nearest_solutions(poses @ flange_tool, HOME, arm=arm)).all(axis=1) for poses in (grip, before)
+            np.isfinite(nearest_solutions(poses @ flange_tool, HOME, arm=arm)).all(axis=1)
+            for poses in (grip, before)
         ]
         reachable[index] = bool((solved[0] & solved[1]).any())
     return reachable

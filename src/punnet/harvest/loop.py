@@ -30,7 +30,7 @@ Listener = Callable[[str, Attempt | None], None]
 _EMPTY_PUNNET_NOISE = 1.0  # grams; a gain below this means that nothing fell in
 
 
-class _StepFailed(Exception):
+class _StepError(Exception):
     """A step did not work out; carries the reason for the log. Never leaves this module."""
 
 
@@ -150,7 +150,7 @@ class Harvester:
         try:
             self._pick(attempt)
             attempt.outcome = Outcome.PICKED
-        except _StepFailed as failure:
+        except _StepError as failure:
             attempt.reason = str(failure)
             if attempt.phase is Phase.PLAN:
                 attempt.outcome = Outcome.SKIPPED
@@ -166,7 +166,7 @@ class Harvester:
             self._reach(attempt)
             self._separate_and_grip(attempt)
             self._cut(attempt)
-        except _StepFailed:
+        except _StepError:
             self._motions.back_off()
             self._motions.go_home()
             raise
@@ -175,13 +175,13 @@ class Harvester:
     def _plan(self, attempt: Attempt) -> None:
         attempt.phase = Phase.PLAN
         if self._filler.choose() is None:
-            raise _StepFailed("all punnets are full")
+            raise _StepError("all punnets are full")
         target = Target(attempt.berries.boxes[attempt.row], attempt.picking_point)
         try:
             attempt.distribution = self._planner.plan(attempt.frame, target, self._robot.joints())
             self._motions.prepare(attempt.distribution)
         except (PlanningError, KinematicsError) as error:
-            raise _StepFailed(str(error)) from error
+            raise _StepError(str(error)) from error
 
     def _reach(self, attempt: Attempt) -> None:
         attempt.phase = Phase.REACH
@@ -189,7 +189,7 @@ class Harvester:
         result = self._motions.reach()
         attempt.peak_force, attempt.touched = result.peak_force, result.touched
         if not result.reached:
-            raise _StepFailed(result.reason or "did not arrive")
+            raise _StepError(result.reason or "did not arrive")
 
     def _separate_and_grip(self, attempt: Attempt) -> None:
         attempt.phase = Phase.SEPARATE
@@ -197,19 +197,19 @@ class Harvester:
         attempt.phase = Phase.GRIP
         grip = self._robot.grip()
         if not grip.holding:
-            raise _StepFailed(grip.reason or "nothing between the pads")
+            raise _StepError(grip.reason or "nothing between the pads")
 
     def _cut(self, attempt: Attempt) -> None:
         attempt.phase = Phase.CUT
         cut = self._robot.cut()
         if not cut.cut:
-            raise _StepFailed(cut.reason or "the stem was not cut")
+            raise _StepError(cut.reason or "the stem was not cut")
 
     def _retreat_and_place(self, attempt: Attempt) -> None:
         attempt.phase = Phase.RETREAT
         punnet = self._filler.choose()
         if punnet is None:  # ruled out when planning; a punnet can't fill up on the way
-            raise _StepFailed("all punnets are full")
+            raise _StepError("all punnets are full")
         self._robot.separate(0.0)
         moved = self._motions.retreat()
         attempt.phase = Phase.PLACE
@@ -220,7 +220,7 @@ class Harvester:
         self._motions.go_home()
         if gained < _EMPTY_PUNNET_NOISE:
             self._filler.counts[punnet] -= 1
-            raise _StepFailed(moved.reason or "the berry was lost on the way to the punnet")
+            raise _StepError(moved.reason or "the berry was lost on the way to the punnet")
         attempt.weighed, attempt.punnet = gained, punnet
 
 

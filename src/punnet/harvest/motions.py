@@ -21,7 +21,6 @@ from punnet.robot import (
     nearest_solution,
 )
 
-
 __all__ = ["Motions"]
 
 _PATH_POINTS = 150

@@ -46,7 +46,8 @@ class PunnetFiller:
     def __post_init__(self) -> None:
         if self.punnets < 1 or self.nominal <= 0 or self.most < 1:
             raise ConfigurationError(
-                f"punnets: need at least one, of positive nominal weight and count, got {self.punnets}, {self.nominal}, {self.most}"
+                "punnets: need at least one, of positive nominal weight and count, "
+                f"got {self.punnets}, {self.nominal}, {self.most}"
             )
         self.weights = [0.0] * self.punnets
         self.counts = [0] * self.punnets

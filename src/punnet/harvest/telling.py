@@ -111,7 +111,9 @@ def _why_left(berries: Strawberries, row: int) -> str:
 
 
 def _punnets(session: Session, run: HarvestRun) -> list[PunnetRecord]:
-    counts = [sum(attempt.punnet == punnet for attempt in run.picked) for punnet in range(len(run.punnet_weights))]
+    counts = [
+        sum(attempt.punnet == punnet for attempt in run.picked) for punnet in range(len(run.punnet_weights))
+    ]
     return [
         PunnetRecord(number + 1, grams, session.scenario.harvest.nominal_punnet, count)
         for number, (grams, count) in enumerate(zip(run.punnet_weights, counts, strict=True))
@@ -124,8 +126,11 @@ def _crop(attempt: Attempt) -> bytes:
     picture = draw_overlay(attempt.frame.rgb, attempt.berry)
     half = (0.5 + _CROP_MARGIN) * float(np.max(box[2:] - box[:2]))
     middle = (box[:2] + box[2:]) / 2.0
-    crop = cv2.getRectSubPix(picture, (round(2 * half), round(2 * half)), (float(middle[0]), float(middle[1])))
-    return _png(cv2.resize(crop, (_CROP_SIZE, _CROP_SIZE), interpolation=cv2.INTER_AREA))
+    crop = cv2.getRectSubPix(
+        picture, (round(2 * half), round(2 * half)), (float(middle[0]), float(middle[1]))
+    )
+    small = cv2.resize(crop, (_CROP_SIZE, _CROP_SIZE), interpolation=cv2.INTER_AREA)
+    return _png(small.astype(np.uint8, copy=False))
 
 
 def _plot(attempt: Attempt) -> bytes | None:

@@ -228,8 +228,10 @@ def _read_depth_counts(path: Path) -> NDArray[np.uint16]:
     if image is None:
         raise FileFormatError(f"{path}: not an image, or damaged; a 16-bit depth PNG is needed")
     if image.dtype != np.uint16 or image.ndim != 2:
-        raise FileFormatError(f"{path}: depth must be 16-bit and one channel, got {image.dtype} {image.shape}")
-    return image
+        raise FileFormatError(
+            f"{path}: depth must be 16-bit and one channel, got {image.dtype} {image.shape}"
+        )
+    return image.astype(np.uint16, copy=False)
 
 
 def _read_json_object(path: Path) -> dict[str, Any]:

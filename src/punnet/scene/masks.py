@@ -37,6 +37,8 @@ def decode_mask(segmentation: dict[str, Any]) -> NDArray[np.bool_]:
     height, width = (int(size) for size in segmentation["size"])
     counts = np.asarray(segmentation["counts"], dtype=np.int64)
     if (counts < 0).any() or counts.sum() != height * width:
-        raise FileFormatError(f"mask: run lengths add up to {counts.sum()}, size {height}×{width} needs {height * width}")
+        raise FileFormatError(
+            f"mask: run lengths add up to {counts.sum()}, size {height}×{width} needs {height * width}"
+        )
     values = np.arange(len(counts)) % 2 == 1
     return np.repeat(values, counts).reshape((height, width), order="F")

@@ -19,6 +19,21 @@ CLASSES = ("pluckable", "unpluckable")
 PLUCKABLE, UNPLUCKABLE = 0, 1
 KEYPOINTS = ("picking_point", "top", "bottom", "left_grasp", "right_grasp")
 STRAWBERRIES_SCHEMA = "punnet-strawberries/1"
+_FILLED_IN: Any = None  # a default that __post_init__ replaces by an array of the right length
+
+_PER_BERRY = (
+    "boxes",
+    "scores",
+    "classes",
+    "masks",
+    "keypoints",
+    "visibility",
+    "ripeness",
+    "picking_points",
+    "weights",
+    "weight_intervals",
+    "ids",
+)
 
 
 class Visibility(IntEnum):
@@ -72,23 +87,29 @@ class Strawberries:
 
     image_size: tuple[int, int]
     boxes: NDArray[np.float64]
-    scores: NDArray[np.float64] = field(default=None)  # type: ignore[assignment]
-    classes: NDArray[np.int64] = field(default=None)  # type: ignore[assignment]
+    scores: NDArray[np.float64] = field(default=_FILLED_IN)
+    classes: NDArray[np.int64] = field(default=_FILLED_IN)
     masks: NDArray[np.bool_] | None = None
     keypoints: NDArray[np.float64] | None = None
     visibility: NDArray[np.int64] | None = None
-    ripeness: NDArray[np.float64] = field(default=None)  # type: ignore[assignment]
-    picking_points: NDArray[np.float64] = field(default=None)  # type: ignore[assignment]
-    weights: NDArray[np.float64] = field(default=None)  # type: ignore[assignment]
-    weight_intervals: NDArray[np.float64] = field(default=None)  # type: ignore[assignment]
-    ids: NDArray[np.int64] = field(default=None)  # type: ignore[assignment]
+    ripeness: NDArray[np.float64] = field(default=_FILLED_IN)
+    picking_points: NDArray[np.float64] = field(default=_FILLED_IN)
+    weights: NDArray[np.float64] = field(default=_FILLED_IN)
+    weight_intervals: NDArray[np.float64] = field(default=_FILLED_IN)
+    ids: NDArray[np.int64] = field(default=_FILLED_IN)
 
     def __post_init__(self) -> None:
         height, width = (int(size) for size in self.image_size)
         if height < 1 or width < 1:
-            raise ShapeError(f"strawberries: image_size must be (H, W) of positive pixels, got {self.image_size}")
+            raise ShapeError(
+                f"strawberries: image_size must be (H, W) of positive pixels, got {self.image_size}"
+            )
         object.__setattr__(self, "image_size", (height, width))
-        boxes = np.asarray(self.boxes, dtype=np.float64).reshape(-1, 4) if np.size(self.boxes) == 0 else self.boxes
+        boxes = (
+            np.asarray(self.boxes, dtype=np.float64).reshape(-1, 4)
+            if np.size(self.boxes) == 0
+            else self.boxes
+        )
         boxes = np.array(boxes, dtype=np.float64)
         if boxes.ndim != 2 or boxes.shape[1] != 4:
             raise ShapeError(f"strawberries: boxes must be (N, 4) xyxy, got {boxes.shape}")
@@ -102,7 +123,7 @@ class Strawberries:
         self._fill("picking_points", np.float64, (n, 3), np.nan)
         self._fill("weights", np.float64, (n,), np.nan)
         self._fill("weight_intervals", np.float64, (n, 2), np.nan)
-        if self.ids is None:
+        if getattr(self, "ids", None) is None:
             object.__setattr__(self, "ids", np.arange(n))
         self._fill("ids", np.int64, (n,), 0)
         if self.masks is not None:
@@ -129,7 +150,9 @@ class Strawberries:
         if not np.isin(self.classes, (PLUCKABLE, UNPLUCKABLE)).all():
             raise ShapeError(f"strawberries: classes must be 0 ({CLASSES[0]}) or 1 ({CLASSES[1]})")
         if self.visibility is not None and not np.isin(self.visibility, [int(v) for v in Visibility]).all():
-            raise ShapeError("strawberries: visibility must be 0 absent, 1 hidden by itself, 2 visible, 3 hidden by other")
+            raise ShapeError(
+                "strawberries: visibility must be 0 absent, 1 hidden by itself, 2 visible, 3 hidden by other"
+            )
         if len(np.unique(self.ids)) != len(self.ids):
             raise ShapeError("strawberries: ids must be unique")
 
@@ -153,10 +176,10 @@ class Strawberries:
         selection: Any = index if isinstance(index, slice) else np.asarray(index)
         if not isinstance(selection, slice) and selection.size == 0:
             selection = np.zeros(0, dtype=np.int64)
-        names = (
-            "boxes scores classes masks keypoints visibility ripeness picking_points weights weight_intervals ids"
-        ).split()
-        chosen = {name: None if getattr(self, name) is None else getattr(self, name)[selection] for name in names}
+        chosen: dict[str, Any] = {
+            name: None if getattr(self, name) is None else getattr(self, name)[selection]
+            for name in _PER_BERRY
+        }
         return replace(self, **chosen)
 
     @property
@@ -214,7 +237,9 @@ class Strawberries:
         except (KeyError, TypeError, ValueError, IndexError) as error:
             if isinstance(error, FileFormatError | ShapeError):
                 raise
-            raise FileFormatError(f"strawberries JSON: field missing or of the wrong kind ({error!r})") from error
+            raise FileFormatError(
+                f"strawberries JSON: field missing or of the wrong kind ({error!r})"
+            ) from error
 
     @classmethod
     def _from_checked_json(cls, data: dict[str, Any]) -> Strawberries:
@@ -238,7 +263,9 @@ class Strawberries:
             ripeness=np.array([_floats(berry["ripeness"], 1)[0] for berry in berries]),
             picking_points=np.array([_floats(berry["picking_point"], 3) for berry in berries]).reshape(n, 3),
             weights=np.array([_floats(berry["weight_g"], 1)[0] for berry in berries]),
-            weight_intervals=np.array([_floats(berry["weight_interval_g"], 2) for berry in berries]).reshape(n, 2),
+            weight_intervals=np.array([_floats(berry["weight_interval_g"], 2) for berry in berries]).reshape(
+                n, 2
+            ),
             ids=np.array([int(berry["id"]) for berry in berries], dtype=np.int64),
         )
 

@@ -109,7 +109,9 @@ def _merge_on_grid(
     cells = np.round(vertices / _VISUAL_GRID).astype(np.int64)
     _, inverse, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     inverse = inverse.ravel()
-    merged = np.stack([np.bincount(inverse, vertices[:, axis]) for axis in range(3)], axis=1) / counts[:, None]
+    merged = (
+        np.stack([np.bincount(inverse, vertices[:, axis]) for axis in range(3)], axis=1) / counts[:, None]
+    )
     kept = inverse[faces]
     distinct = (kept[:, 0] != kept[:, 1]) & (kept[:, 1] != kept[:, 2]) & (kept[:, 0] != kept[:, 2])
     return merged.astype(np.float32), np.unique(kept[distinct], axis=0).astype(np.int32)

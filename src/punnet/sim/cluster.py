@@ -74,7 +74,11 @@ class ClusterConfig:
                 raise ConfigurationError(f"cluster: {name} must be 0 ≤ least ≤ most, got ({low}, {high})")
         if self.berries[0] < 1:
             raise ConfigurationError("cluster: a truss has at least one berry")
-        if not self.stage_shares or min(self.stage_shares.values()) < 0 or sum(self.stage_shares.values()) <= 0:
+        if (
+            not self.stage_shares
+            or min(self.stage_shares.values()) < 0
+            or sum(self.stage_shares.values()) <= 0
+        ):
             raise ConfigurationError("cluster: stage_shares must be ≥ 0 and not all zero")
 
 
@@ -155,7 +159,9 @@ def _grow_with_room(
     stages = list(config.stage_shares)
     shares = np.array([config.stage_shares[stage] for stage in stages])
     for berries in range(wanted, 0, -1):
-        fruit = [make_berry(rng, stages[rng.choice(len(stages), p=shares / shares.sum())]) for _ in range(berries)]
+        fruit = [
+            make_berry(rng, stages[rng.choice(len(stages), p=shares / shares.sum())]) for _ in range(berries)
+        ]
         for _ in range(_ATTEMPTS):
             truss = grow_truss(rng, anchor, berries, config.style)
             hanging = [
@@ -167,7 +173,9 @@ def _grow_with_room(
     return None
 
 
-def _hang(rng: np.random.Generator, berry: Berry, hanging_point: NDArray[np.float64], index: int) -> HangingBerry:
+def _hang(
+    rng: np.random.Generator, berry: Berry, hanging_point: NDArray[np.float64], index: int
+) -> HangingBerry:
     tilt = rng.normal(0.0, 0.09, 2)
     turn = rotation_from_vector((0.0, 0.0, rng.uniform(0.0, 2.0 * np.pi)))
     rotation = rotation_from_vector((tilt[0], tilt[1], 0.0)) @ turn
@@ -187,8 +195,4 @@ def _have_room(
     middles = np.array([(link.start + link.end) / 2.0 for link in truss.links])
     stubs = np.array([b.T_base_berry[:3, 3] + b.T_base_berry[:3, 2] * STUB_LENGTH / 2.0 for b in hanging])
     points = np.concatenate([middles, stubs])
-    return all(
-        np.linalg.norm(points - berry.centre, axis=1).min() > berry.radius * 0.95
-        for berry in hanging
-    )
-
+    return all(np.linalg.norm(points - berry.centre, axis=1).min() > berry.radius * 0.95 for berry in hanging)

@@ -40,7 +40,11 @@ class StemState:
     @property
     def can_be_cut(self) -> bool:
         """Whether the rule lets the blade part it."""
-        return self.gripped and self.distance <= BLADE_REACH and CUT_ABOVE_CALYX[0] <= self.height <= CUT_ABOVE_CALYX[1]
+        return (
+            self.gripped
+            and self.distance <= BLADE_REACH
+            and CUT_ABOVE_CALYX[0] <= self.height <= CUT_ABOVE_CALYX[1]
+        )
 
 
 def gripped_berries(world: World) -> set[int]:

@@ -26,6 +26,7 @@ from punnet.sim.world import OVERVIEW_CAMERA, World, WorldConfig, build_world
 __all__ = ["FilmStyle", "Recorder", "render_film"]
 
 _BATCH = 12  # frames a worker draws before it hands them over
+_CAPTION_HEIGHT = 28
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +66,9 @@ class FilmStyle:
     """Size of the picture and of the inset in pixels, frames a second, and the most frames to draw."""
 
     size: tuple[int, int] = (768, 480)
-    inset: tuple[int, int] = (256, 192)
-    frames_a_second: float = 20.0
-    most_frames: int = 330
+    inset: tuple[int, int] = (240, 180)
+    frames_a_second: float = 15.0
+    most_frames: int = 240
 
 
 def render_film(
@@ -164,9 +165,9 @@ def _draw_batch(seed: int, config: WorldConfig, style: FilmStyle, states: list[_
 
 
 def _paste(picture: NDArray[np.uint8], inset: NDArray[np.uint8]) -> None:
-    """The wrist camera's view in the upper right corner, framed."""
+    """The wrist camera's view in the lower left corner, framed."""
     height, width = inset.shape[:2]
-    top, left = 12, picture.shape[1] - width - 12
+    top, left = picture.shape[0] - _CAPTION_HEIGHT - height - 12, 12
     picture[top - 3 : top + height + 3, left - 3 : left + width + 3] = 245
     picture[top : top + height, left : left + width] = inset
 
@@ -174,7 +175,7 @@ def _paste(picture: NDArray[np.uint8], inset: NDArray[np.uint8]) -> None:
 def _write_caption(picture: NDArray[np.uint8], text: str) -> None:
     """A line of text on a dark bar at the foot."""
     height = picture.shape[0]
-    picture[height - 28 :] = picture[height - 28 :] // 4
+    picture[height - _CAPTION_HEIGHT :] //= 4
     cv2.putText(
         picture, text, (10, height - 9), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (245, 245, 245), 1, cv2.LINE_AA
     )

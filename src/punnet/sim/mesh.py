@@ -62,5 +62,7 @@ class Mesh:
         return cls(
             np.concatenate([mesh.vertices for mesh in meshes]),
             np.concatenate([mesh.faces + offset for mesh, offset in zip(meshes, offsets, strict=True)]),
-            np.concatenate([m.uv for m in meshes if m.uv is not None]) if all(m.uv is not None for m in meshes) else None,
+            np.concatenate([m.uv for m in meshes if m.uv is not None])
+            if all(m.uv is not None for m in meshes)
+            else None,
         )

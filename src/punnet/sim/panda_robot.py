@@ -157,7 +157,9 @@ class SimulatedPanda:
 
     def _pad_gap(self) -> float:
         qpos = self.world.data.qpos
-        return float(sum(qpos[self.world.model.joint(f"grasp_{side}").qposadr[0]] for side in ("left", "right")))
+        return float(
+            sum(qpos[self.world.model.joint(f"grasp_{side}").qposadr[0]] for side in ("left", "right"))
+        )
 
     def cut(self) -> CutResult:
         """Drive the blade forward and back; it parts what the rule of :mod:`punnet.sim.cutting` lets it part."""

@@ -133,7 +133,10 @@ def _add_grasping_finger(spec: mujoco.MjSpec, flange: mujoco.MjsBody, side: floa
         friction=1.5,
     )
     actuator = spec.add_actuator(
-        name=f"grasp_{name}", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=joint.name, forcerange=(-_GRIP_FORCE, _GRIP_FORCE)
+        name=f"grasp_{name}",
+        trntype=mujoco.mjtTrn.mjTRN_JOINT,
+        target=joint.name,
+        forcerange=(-_GRIP_FORCE, _GRIP_FORCE),
     )
     actuator.set_to_position(kp=1500.0, kv=20.0)
 
@@ -150,7 +153,15 @@ def _add_separation_finger(spec: mujoco.MjSpec, flange: mujoco.MjsBody, side: fl
         armature=0.005,
         damping=0.2,
     )
-    _box(finger, (0.0075, 0.0015, 0.050), (0.004, 0.0, 0.050), _PRINTED, mass=0.02, friction=0.3, name=f"paddle_{name}")
+    _box(
+        finger,
+        (0.0075, 0.0015, 0.050),
+        (0.004, 0.0, 0.050),
+        _PRINTED,
+        mass=0.02,
+        friction=0.3,
+        name=f"paddle_{name}",
+    )
     finger.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CAPSULE,
         size=(0.003, 0.009, 0.0),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -112,7 +113,7 @@ def _add_stub(body: mujoco.MjsBody, name: str, radius: float) -> tuple[str, ...]
     """The stem just above the calyx, from the berry's origin up, in pieces."""
     edges = np.linspace(0.0, STUB_LENGTH, STUB_PIECES + 1)
     names = []
-    for piece, (low, high) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+    for piece, (low, high) in enumerate(pairwise(edges)):
         geom = body.add_geom(
             name=f"{name}_stub{piece}",
             type=mujoco.mjtGeom.mjGEOM_CAPSULE,

@@ -65,6 +65,10 @@ def inside_punnet(position: NDArray[np.float64]) -> int | None:
     length, width, height = PUNNET_SIZE
     for number, place in enumerate(PUNNET_PLACES):
         offset = position - place
-        if abs(offset[0]) <= length / 2 and abs(offset[1]) <= width / 2 and -0.01 <= offset[2] <= height + 0.02:
+        if (
+            abs(offset[0]) <= length / 2
+            and abs(offset[1]) <= width / 2
+            and -0.01 <= offset[2] <= height + 0.02
+        ):
             return number
     return None

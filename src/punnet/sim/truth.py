@@ -91,7 +91,9 @@ def _keypoints(
         points = np.concatenate(
             (
                 picking[index][None],
-                transform_points(poses[index], np.stack((np.zeros(3), np.asarray(berry.keypoints["bottom"])))),
+                transform_points(
+                    poses[index], np.stack((np.zeros(3), np.asarray(berry.keypoints["bottom"])))
+                ),
                 across,
             )
         )
@@ -132,7 +134,7 @@ def _grasp_points(
 
 
 def _boxes(masks: NDArray[np.bool_], keypoints: NDArray[np.float64]) -> NDArray[np.float64]:
-    """xyxy boxes (N, 4) that hold the mask and the key-points in view."""
+    """Xyxy boxes (N, 4) that hold the mask and the key-points in view."""
     boxes = np.zeros((len(masks), 4))
     for row, (mask, points) in enumerate(zip(masks, keypoints, strict=True)):
         v, u = np.nonzero(mask)

@@ -169,11 +169,13 @@ def _set_camera(spec: mujoco.MjSpec) -> None:
     camera.fovy = float(np.degrees(2.0 * np.arctan(480 / 2.0 / 615.0)))
     spec.visual.global_.offwidth = 1280
     spec.visual.global_.offheight = 960
-    overview = spec.worldbody.add_camera(name=OVERVIEW_CAMERA, pos=(0.02, 1.10, 1.00), fovy=42.0)
-    overview.quat = _looking_from((0.02, 1.10, 1.00), (0.46, 0.08, 0.58))
+    overview = spec.worldbody.add_camera(name=OVERVIEW_CAMERA, pos=(-0.06, 1.00, 1.10), fovy=45.0)
+    overview.quat = _looking_from((-0.06, 1.00, 1.10), (0.56, 0.11, 0.53))
 
 
-def _looking_from(position: tuple[float, float, float], at: tuple[float, float, float]) -> NDArray[np.float64]:
+def _looking_from(
+    position: tuple[float, float, float], at: tuple[float, float, float]
+) -> NDArray[np.float64]:
     """Quaternion of a MuJoCo camera (looks along −z, y up) at ``position`` that looks at a point, upright."""
     back = np.subtract(position, at)
     back /= np.linalg.norm(back)
