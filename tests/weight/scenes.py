@@ -1,4 +1,4 @@
-"""Exact pictures of an ellipsoid before a wall, by intersecting the ray of each pixel: truth to weigh against."""
+"""Exact pictures of an ellipsoid before a wall, by intersecting each ray: a truth to weigh against."""
 
 from __future__ import annotations
 
