@@ -277,7 +277,7 @@ def _annotation(berries: Strawberries, i: int) -> dict[str, Any]:
 
 def _keypoint_fields(points: NDArray[np.float64], codes: NDArray[np.int64]) -> dict[str, Any]:
     flags = np.where(codes == Visibility.HIDDEN_BY_OTHER, int(Visibility.HIDDEN_BY_ITSELF), codes)
-    known = np.isfinite(points).all(axis=1)
+    known: NDArray[np.bool_] = np.asarray(np.isfinite(points).all(axis=1))
     flags = np.where(known, flags, int(Visibility.ABSENT))
     table = np.column_stack((np.where(known[:, None], points, 0.0), flags))
     return {

@@ -67,7 +67,8 @@ def collect(truth: Iterable[Strawberries], predicted: Iterable[Strawberries]) ->
             )
         if annotated.image_size != found.image_size:
             raise ShapeError(
-                f"evaluation: image {index} is {annotated.image_size} in truth, {found.image_size} as predicted"
+                f"evaluation: image {index} is {annotated.image_size} in truth but "
+                f"{found.image_size} in predicted"
             )
         height, width = annotated.image_size
         collection.images.append({"id": index + 1, "height": height, "width": width})

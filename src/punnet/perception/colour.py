@@ -24,6 +24,7 @@ __all__ = ["ColourConfig", "ColourDetector"]
 
 _LOG = logging.getLogger(__name__)
 SMALLEST_SIDE = 16
+PHOTOGRAPH_RIPENESS = 0.65
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +38,8 @@ class ColourConfig:
     working_pixels
         Larger images are reduced to about this many pixels; masks come back at full size.
     ripe
-        Ripeness from which a berry is pluckable. The default asks for red all over, since a berry picked too early
-        is lost and one left can be picked later; photographs labelled more generously want about 0.65.
+        Ripeness from which a berry is pluckable. The default, for robots, asks for red all over: a berry picked
+        too early is lost, one left can be picked later. :meth:`for_photographs` counts "up to 90% red" in.
     score
         Detections below this score are dropped.
     most_berries
@@ -73,6 +74,11 @@ class ColourConfig:
             raise ConfigurationError(
                 f"colour detector: ripe must lie in (0, 1) and score in [0, 1), got {self.ripe}, {self.score}"
             )
+
+    @classmethod
+    def for_photographs(cls) -> ColourConfig:
+        """Settings whose idea of pluckable is that of people who label photographs (fitted to ``psd/dc_train``)."""
+        return cls(ripe=PHOTOGRAPH_RIPENESS)
 
 
 class ColourDetector:

@@ -1,4 +1,4 @@
-"""Average precision and recall of masks (IoU) and key-points (OKS) as COCO has them (thesis 3.4.1, Eq. 3.6, 3.7).
+"""Average precision and recall of masks (IoU) and key-points (OKS), as COCO has them (thesis 3.4.1, Eq. 3.7).
 
 Matching and interpolation are those of ``faster-coco-eval``, which reproduces pycocotools; this module only
 turns :class:`~punnet.scene.Strawberries` into what it reads and its tables into named numbers.

@@ -30,8 +30,8 @@ def draw_overlay(rgb: NDArray[np.uint8], berries: Strawberries) -> NDArray[np.ui
     """Draw masks, boxes, axes, key-points and labels over an image.
 
     Key-points are filled where visible, hollow where the fruit hides them itself, crossed where something
-    else does. Labels tell class, score, ripeness and, if known, grams; where they would cover one another they
-    move, and unpluckable berries of a score under one half go without.
+    else does. Labels tell class, score, ripeness and, if known, grams; where they would cover one another
+    they move, and unpluckable berries of a score under one half go without.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def _frame_box(picture: NDArray[np.uint8], box: NDArray[np.float64], colour: Col
 def _keypoints(
     picture: NDArray[np.uint8], points: NDArray[np.float64], codes: NDArray[np.int64], scale: float
 ) -> None:
-    known = np.isfinite(points).all(axis=1)
+    known: NDArray[np.bool_] = np.asarray(np.isfinite(points).all(axis=1))
     for one, two in ((0, 1), (1, 2), (3, 4)):
         if known[one] and known[two]:
             start, end = _pixel(points[one]), _pixel(points[two])

@@ -77,7 +77,7 @@ def _climb(distance: NDArray[np.float32], mask: NDArray[np.uint8]) -> tuple[NDAr
 def _merge_convex(
     labels: NDArray[np.int32], distance: NDArray[np.float32], count: int, neck: float, convex: float
 ) -> NDArray[np.int32]:
-    """Join neighbours, most convex union first, until every union left is notched or meets at a narrow neck."""
+    """Join neighbours, most convex union first, until those left are notched or meet at a narrow neck."""
     peak = np.zeros(count + 1)
     np.maximum.at(peak, labels.ravel(), distance.ravel())
     area = np.bincount(labels.ravel(), minlength=count + 1).astype(np.float64)
