@@ -13,11 +13,12 @@ from punnet.errors import KinematicsError, PlanningError
 from punnet.harvest.attempts import Attempt, HarvestRun, Outcome, Phase
 from punnet.harvest.config import HarvestConfig
 from punnet.harvest.motions import Motions
-from punnet.harvest.order import picking_order
+from punnet.harvest.order import obstacles, picking_order
 from punnet.harvest.punnets import PunnetFiller
 from punnet.perception.detector import Detector
 from punnet.perception.picking_points import locate_picking_points
 from punnet.planning import Planner
+from punnet.planning.clearance import approach_directions
 from punnet.robot import Panda, Robot
 from punnet.scene import Frame, Strawberries, Target
 from punnet.weight import WeightEstimator
@@ -89,7 +90,7 @@ class Harvester:
             self._motions.go_home()
             for _ in range(self.config.most_looks):
                 frame, berries = self._look(run)
-                row = self._choose(berries)
+                row = self._choose(frame, berries)
                 if row is None:
                     break
                 self._attempt(run, frame, berries, row)
@@ -114,9 +115,9 @@ class Harvester:
         self._tell(f"sees {len(berries)} berries, {int(berries.pluckable.sum())} pluckable", None)
         return frame, berries
 
-    def _choose(self, berries: Strawberries) -> int | None:
+    def _choose(self, frame: Frame, berries: Strawberries) -> int | None:
         """The next berry that has tries left."""
-        for row in picking_order(berries):
+        for row in picking_order(frame, berries):
             if self._memory(berries.picking_points[row]).tries < self.config.attempts:
                 return int(row)
         return None
@@ -176,12 +177,18 @@ class Harvester:
         attempt.phase = Phase.PLAN
         if self._filler.choose() is None:
             raise _StepError("all punnets are full")
-        target = Target(attempt.berries.boxes[attempt.row], attempt.picking_point)
-        try:
-            attempt.distribution = self._planner.plan(attempt.frame, target, self._robot.joints())
-            self._motions.prepare(attempt.distribution)
-        except (PlanningError, KinematicsError) as error:
-            raise _StepError(str(error)) from error
+        directions, _ = approach_directions(attempt.picking_point, obstacles(attempt.frame, attempt.berries, attempt.row))
+        refusal: Exception | None = None
+        for direction in directions:
+            target = Target(attempt.berries.boxes[attempt.row], attempt.picking_point, direction)
+            try:
+                attempt.distribution = self._planner.plan(attempt.frame, target, self._robot.joints())
+                self._motions.prepare(attempt.distribution)
+            except (PlanningError, KinematicsError) as error:
+                refusal = refusal or error
+            else:
+                return
+        raise _StepError(str(refusal)) from refusal
 
     def _reach(self, attempt: Attempt) -> None:
         attempt.phase = Phase.REACH
@@ -210,8 +217,8 @@ class Harvester:
         punnet = self._filler.choose()
         if punnet is None:  # ruled out when planning; a punnet can't fill up on the way
             raise _StepError("all punnets are full")
-        self._robot.separate(0.0)
         moved = self._motions.retreat()
+        self._robot.separate(0.0)
         attempt.phase = Phase.PLACE
         if moved.reached:
             moved = self._motions.carry(punnet, self._filler.counts[punnet])

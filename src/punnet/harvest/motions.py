@@ -25,8 +25,9 @@ __all__ = ["Motions"]
 
 _PATH_POINTS = 150
 _PLACE_YAW, _PLACE_PITCH = np.deg2rad(35.0), np.deg2rad(-35.0)
-_ABOVE_WALL = 0.155  # metres of the grip point over the punnet's floor while it comes in over the wall
-_RELEASE_HEIGHT = 0.083  # and where it lets go: the tip of a long berry is then 20 mm above the floor
+_ABOVE_WALL = 0.150  # metres of the grip point over the punnet's floor while it comes in over the wall
+_RELEASE_HEIGHT = 0.070  # and where it lets go: the fruit then hangs 5 to 20 mm above the floor
+_GRIP_TO_FRUIT = 0.034  # from the grip along the stem to the middle of the fruit, which tilts with the tool
 _LAYER_HEIGHT = 0.030
 _BERRIES_A_LAYER = 6
 
@@ -103,8 +104,9 @@ class Motions:
         layer = _LAYER_HEIGHT * (count // _BERRIES_A_LAYER)
         floor = self._punnets[punnet] + np.array([offset[0], offset[1], layer])
         rotation = approach_rotation(_PLACE_YAW, _PLACE_PITCH)
+        aside = _GRIP_TO_FRUIT * rotation[:2, 0]
         above, release = (
-            make_transform(rotation, floor + np.array([0.0, 0.0, height])) @ invert_transform(T_FLANGE_TOOL)
+            make_transform(rotation, floor + np.array([*aside, height])) @ invert_transform(T_FLANGE_TOOL)
             for height in (_ABOVE_WALL, _RELEASE_HEIGHT)
         )
         over = nearest_solution(above, HOME, arm=self._arm)

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from punnet.geometry import rotation_from_vector
-from punnet.sim.calyx import make_calyx
+from punnet.sim.blossom import add_blossom
+from punnet.sim.calyx import calyx_texture, make_calyx
 from punnet.sim.cluster import STUB_LENGTH, Cluster, HangingBerry
 from punnet.sim.foliage import Leaf, make_leaf
+from punnet.sim.gloss import BERRY_GLOSS, CALYX_GLOSS, LEAF_GLOSS, STEM_GLOSS
 from punnet.sim.layers import BERRY, COLLISION_ONLY, PLANT_VISUAL, SOFT_PLANT, TOUCHES_NOTHING
 from punnet.sim.mesh import Mesh
 from punnet.sim.mesh_assets import MeshAsset, add_mesh_asset
@@ -42,7 +44,7 @@ class PlantedBerry:
 
 def add_cluster(spec: mujoco.MjSpec, rng: np.random.Generator, cluster: Cluster) -> list[PlantedBerry]:
     """Add every truss and berry of ``cluster``; one entry a berry, by index."""
-    spec.add_material(name=_STEM_MATERIAL, rgba=(0.42, 0.56, 0.24, 1.0), specular=0.15, shininess=0.2)
+    spec.add_material(name=_STEM_MATERIAL, rgba=(0.50, 0.60, 0.29, 1.0), **STEM_GLOSS)
     planted = []
     for number, hanging in enumerate(cluster.trusses):
         loads = tuple((berry.berry.mass / 1000.0, berry.centre) for berry in hanging.berries)
@@ -61,13 +63,13 @@ def _add_berry(
     body = spec.worldbody.add_body(name=name, pos=T[:3, 3], quat=_quaternion(T[:3, :3]))
     # Air and the plant's own tissue take the spin out of a berry; the armature keeps small ones stable at this time step.
     body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_FREE, damping=3e-5, armature=3e-6)
-    skin = add_mesh_asset(spec, name, fruit.mesh, fruit.texture, specular=0.55, shininess=0.7)
+    skin = add_mesh_asset(spec, name, fruit.mesh, fruit.texture, **BERRY_GLOSS)
     _add_drawn_mesh(body, f"{name}_skin", skin)
     calyx = make_calyx(rng, fruit.width)
     _add_drawn_mesh(
         body,
         f"{name}_calyx",
-        add_mesh_asset(spec, f"{name}_calyx", calyx, _calyx_colour(rng), specular=0.1, shininess=0.1),
+        add_mesh_asset(spec, f"{name}_calyx", calyx, calyx_texture(rng), **CALYX_GLOSS),
     )
     body.add_geom(
         name=f"{name}_fruit",
@@ -132,11 +134,6 @@ def _add_stub(body: mujoco.MjsBody, name: str, radius: float) -> tuple[str, ...]
     return tuple(names)
 
 
-def _calyx_colour(rng: np.random.Generator) -> tuple[float, float, float, float]:
-    tone = rng.uniform(0.8, 1.15)
-    return (0.30 * tone, 0.47 * tone, 0.16 * tone, 1.0)
-
-
 def add_leaves(spec: mujoco.MjSpec, rng: np.random.Generator, cluster: Cluster) -> None:
     """A canopy of leaves above the gutter, rigid, and some that hang among the trusses and give way when touched."""
     variants = []
@@ -148,6 +145,7 @@ def add_leaves(spec: mujoco.MjSpec, rng: np.random.Generator, cluster: Cluster) 
         _add_canopy_leaf(spec, rng, f"canopy{number}", variants[rng.integers(len(variants))][1])
     for number in range(int(rng.integers(config.hanging_leaves[0], config.hanging_leaves[1], endpoint=True))):
         _add_hanging_leaf(spec, rng, f"hanging{number}", variants[rng.integers(len(variants))][1])
+    add_blossom(spec, rng, int(rng.integers(2, 6)))
 
 
 _LEAF_SIZES = (0.055, 0.072, 0.09)
@@ -160,7 +158,7 @@ def _leaf_assets(spec: mujoco.MjSpec, number: int, leaf: Leaf) -> list[tuple[Mes
         scaled = Mesh(leaf.mesh.vertices * size, leaf.mesh.faces, leaf.mesh.uv)
         name = f"leaf{number}_{which}"
         look = leaf.texture if which == 0 else assets[0][0].material
-        assets.append((add_mesh_asset(spec, name, scaled, look, specular=0.12, shininess=0.3), size))
+        assets.append((add_mesh_asset(spec, name, scaled, look, **LEAF_GLOSS), size))
     return assets
 
 
