@@ -4,7 +4,7 @@ from importlib.metadata import version as installed_version
 
 project = "Punnet"
 author = "The Punnet authors"
-copyright = "The Punnet authors"
+project_copyright = "The Punnet authors"
 release = version = installed_version("punnet")
 
 extensions = ["myst_parser"]
