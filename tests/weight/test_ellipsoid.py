@@ -17,7 +17,7 @@ from punnet.weight import EllipsoidConfig, EllipsoidEstimator, WeightEstimator
 from tests.weight.scenes import D435I, ellipsoid_grams, ellipsoid_scene, one_berry
 
 CENTRE, HALF = (0.03, -0.02, 0.4), (0.016, 0.019, 0.016)
-EXACT = EllipsoidConfig(shape_factor=1.0, thickness_factor=1.0, relief_gain=1.0)
+EXACT = EllipsoidConfig(shape_factor=1.0, thickness_factor=1.0, elongation_exponent=0.0, relief_gain=1.0)
 
 
 def _grams(frame: Frame, berries: Strawberries, config: EllipsoidConfig | None = None) -> float:

@@ -41,8 +41,10 @@ class EllipsoidConfig:
         Grams per cubic centimetre (strawberries float: .85 … 1).
     shape_factor
         f in V = f · ⅔ A T: how much less a berry holds than an ellipsoid of the same outline.
-    thickness_factor
-        T over √(length · width) of the outline, before the cloud is asked.
+    thickness_factor, elongation_exponent
+        T = factor · √(length · width) · (length / width)^exponent of the outline, before the cloud is asked: a berry
+        that looks broad is more often a wedge seen from its broad side. The calyx hides some of the length, so the
+        factor from pictures is above the one from meshes.
     thickness_spread, relief_spread
         Relative standard deviations of that guess and of what the cloud's bulge says: who is believed.
     relief_gain
@@ -72,7 +74,8 @@ class EllipsoidConfig:
 
     density: float = 0.92
     shape_factor: float = 0.960
-    thickness_factor: float = 0.977
+    thickness_factor: float = 0.915
+    elongation_exponent: float = 0.30
     thickness_spread: float = 0.10
     relief_spread: float = 0.15
     relief_gain: float = 0.93
@@ -210,7 +213,11 @@ class EllipsoidEstimator:
     ) -> tuple[float, float]:
         """Extent along the line of sight in metres, and its relative standard deviation."""
         config = self.config
-        guess = config.thickness_factor * math.sqrt(outline.length * outline.width) * scale
+        elongation = min(
+            max(outline.length / outline.width, 0.8), 1.6
+        )  # beyond, part of the outline is missing
+        guess = config.thickness_factor * elongation**config.elongation_exponent
+        guess *= math.sqrt(outline.length * outline.width) * scale
         view = cloud @ outline.R_view_camera.T
         across = view[:, :2] / view[:, 2:]
         height = relief_height(np.column_stack((across * scale, ranges)), outline.dome(across))
