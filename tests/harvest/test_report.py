@@ -125,6 +125,12 @@ def test_nothing_picked_and_nothing_seen() -> None:
     assert "a picked berry" not in text
 
 
+def test_what_was_missed_is_not_called_nothing(report: HarvestReport) -> None:
+    seen = replace(report, picks=report.picks[:1], left=())
+    assert "did not see 3 ripe berries more" in parse(render_report(seen)).text
+    assert "Nothing ripe stayed" in parse(render_report(replace(seen, ripe=1))).text
+
+
 def test_an_interrupted_run_says_so(report: HarvestReport) -> None:
     assert "interrupted" in parse(render_report(replace(report, interrupted=True))).text
     assert "interrupted" not in parse(render_report(report)).text

@@ -153,7 +153,14 @@ def _not_picked(report: HarvestReport) -> str:
         (f"berry {berry.id}", berry.berry_class, "left", berry.reason) for berry in _as_left(report.left)
     ]
     if not rows:
-        return _section("Not picked", "<p>Nothing that was ripe and seen stayed on the plant.</p>", [None])
+        missed = report.ripe - len(report.picked)
+        berries = "1 ripe berry" if missed == 1 else f"{missed} ripe berries"
+        text = (
+            f"The last look did not see {berries} more."
+            if missed > 0
+            else "Nothing ripe stayed on the plant."
+        )
+        return _section("Not picked", f"<p>{text}</p>", [text])
     return _section("Not picked, and why", _table(("", "class", "what was done", "why"), rows), rows)
 
 
