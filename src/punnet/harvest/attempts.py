@@ -71,7 +71,8 @@ class Attempt:
 class HarvestRun:
     """All attempts of a run, what was seen first and last, and the punnets' weights in grams.
 
-    ``interrupted`` is True when the run was stopped from outside (Ctrl-C) and holds what was done until then.
+    ``interrupted`` is True when the run was stopped from outside (Ctrl-C) and holds what was done until then;
+    ``stopped`` is why the robot ended it early, None if it did not.
     """
 
     attempts: list[Attempt] = field(default_factory=list)
@@ -82,6 +83,7 @@ class HarvestRun:
     seconds_simulated: float = 0.0
     seconds_computing: float = 0.0
     interrupted: bool = False
+    stopped: str | None = None
 
     @property
     def picked(self) -> list[Attempt]:

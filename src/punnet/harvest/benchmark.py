@@ -29,7 +29,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class ClusterResult:
-    """One cluster: its seed, the fate of its berries, and the attempts in brief. ``error`` if it could not be run."""
+    """One cluster: its seed, the fate of its berries, and the attempts in brief. ``error`` is why it ended early."""
 
     seed: int
     fates: tuple[Fate, ...] = ()
@@ -146,6 +146,7 @@ def run_cluster(seed: int, perception: Perception) -> ClusterResult:
                 tuple(_brief(attempt) for attempt in run.attempts),
                 run.seconds_simulated,
                 run.seconds_computing,
+                run.stopped,
             )
     except PunnetError as error:
         return ClusterResult(seed, error=str(error))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from punnet.errors import KinematicsError, PlanningError
+from punnet.errors import KinematicsError, PlanningError, RobotError
 from punnet.harvest.attempts import Attempt, HarvestRun, Outcome, Phase
 from punnet.harvest.config import HarvestConfig
 from punnet.harvest.motions import Motions
@@ -82,12 +82,13 @@ class Harvester:
     def run(self) -> HarvestRun:
         """Harvest until no pluckable berry is left that has not been tried often enough.
 
-        An interrupt (Ctrl-C) ends the run where it is; what was done is in the result.
+        An interrupt (Ctrl-C) or an arm that does not get home ends the run where it is; what was done is in the
+        result, with the reason in ``stopped``.
         """
         run = self.run_so_far
         began, clock = self._robot.time, time.perf_counter()
         try:
-            self._motions.go_home()
+            self._go_home()
             for _ in range(self.config.most_looks):
                 frame, berries = self._look(run)
                 row = self._choose(frame, berries)
@@ -96,10 +97,19 @@ class Harvester:
                 self._attempt(run, frame, berries, row)
         except KeyboardInterrupt:
             run.interrupted = True
+        except RobotError as error:
+            run.stopped = str(error)
+            self._tell(f"stopped: {error}", None)
         run.punnet_weights = list(self._filler.weights)
         run.seconds_simulated = self._robot.time - began
         run.seconds_computing = time.perf_counter() - clock
         return run
+
+    def _go_home(self) -> None:
+        """Home, or the end of the run: from anywhere else the plant is not seen as it should be."""
+        home = self._motions.go_home()
+        if not home.reached:
+            raise RobotError(f"the arm does not get home: {home.reason}")
 
     def _look(self, run: HarvestRun) -> tuple[Frame, Strawberries]:
         """A frame and its berries, weighed and located."""
@@ -169,7 +179,7 @@ class Harvester:
             self._cut(attempt)
         except _StepError:
             self._motions.back_off()
-            self._motions.go_home()
+            self._go_home()
             raise
         self._retreat_and_place(attempt)
 
@@ -222,9 +232,10 @@ class Harvester:
         attempt.phase = Phase.PLACE
         if moved.reached:
             moved = self._motions.carry(punnet, self._filler.counts[punnet])
-        self._robot.release()
+        if moved.reached:
+            self._motions.leave_punnet()
+        self._go_home()
         gained = self._filler.observe(punnet, self._robot.weigh_punnet(punnet))
-        self._motions.go_home()
         if gained < _EMPTY_PUNNET_NOISE:
             self._filler.counts[punnet] -= 1
             raise _StepError(moved.reason or "the berry was lost on the way to the punnet")

@@ -55,6 +55,7 @@ class Motions:
         self._punnets = punnet_places
         self._config = config
         self._reach: JointTrajectory | None = None
+        self._over_punnet: NDArray[np.float64] | None = None
 
     def go_home(self) -> MotionResult:
         """Tool closed and empty, arm to the pose that the plant is looked at from."""
@@ -109,12 +110,19 @@ class Motions:
             make_transform(rotation, floor + np.array([*aside, height])) @ invert_transform(T_FLANGE_TOOL)
             for height in (_ABOVE_WALL, _RELEASE_HEIGHT)
         )
-        over = nearest_solution(above, HOME, arm=self._arm)
+        over = self._over_punnet = nearest_solution(above, HOME, arm=self._arm)
         moved = self._through(np.stack((self._robot.joints(), HOME, over)), self._config.speed)
         if not moved.reached:
             return moved
         down = nearest_solution(release, over, arm=self._arm)
         return self._through(np.stack((self._robot.joints(), down)), self._config.careful_speed)
+
+    def leave_punnet(self) -> MotionResult:
+        """Let go, and straight up again, so that the way home does not lead through the punnet's walls."""
+        self._robot.release()
+        if self._over_punnet is None:
+            return MotionResult(True)
+        return self._through(np.stack((self._robot.joints(), self._over_punnet)), self._config.careful_speed)
 
     def _through(self, path: NDArray[np.float64], speed: float) -> MotionResult:
         if np.abs(path - path[0]).max() < 1e-3:

@@ -14,13 +14,15 @@ __all__ = ["berry_axis_depth", "locate_picking_points"]
 _PICKING_POINT = KEYPOINTS.index("picking_point")
 _LEAST_READINGS = 20
 _FRONT_PERCENTILE = 10.0
+_LEAST_LEVEL = 0.5  # cosine of the steepest pitch at which upright planes are used
 _LARGEST_HALF_DEPTH = 0.025  # metres; a mask that is wider than any berry must not push the point away
 
 
 def locate_picking_points(frame: Frame, berries: Strawberries) -> Strawberries:
     """Fill in ``picking_points`` (N, 3), metres in the base frame; NaN where depth or the key-point is missing.
 
-    The stem is too thin for the depth camera, so it is taken to be as deep as the fruit's axis.
+    The stem is too thin for the depth camera. It is taken to rise plumb from the middle of the fruit: the picking
+    point is where the key-point's line of sight meets the upright plane through that middle which faces the camera.
 
     Parameters
     ----------
@@ -38,12 +40,32 @@ def locate_picking_points(frame: Frame, berries: Strawberries) -> Strawberries:
         and berries.keypoints is not None
     ):
         for index in range(len(berries)):
-            depth = berry_axis_depth(frame, berries.masks[index])
+            mask = berries.masks[index]
             pixel = berries.keypoints[index, _PICKING_POINT]
+            depth = berry_axis_depth(frame, mask)
             if np.isfinite(depth) and np.isfinite(pixel).all():
-                in_camera = back_project(frame.camera, pixel, np.asarray(depth))
-                points[index] = transform_points(frame.T_base_camera, in_camera)
+                v, u = np.nonzero(mask)
+                middle = back_project(frame.camera, (u.mean(), v.mean()), np.asarray(depth))
+                sight = back_project(frame.camera, pixel, np.asarray(depth))
+                points[index] = _on_upright_plane(frame.T_base_camera, sight, middle)
     return berries.with_fields(picking_points=points)
+
+
+def _on_upright_plane(
+    T_base_camera: NDArray[np.float64], sight: NDArray[np.float64], middle: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Point (3,) in the base frame where the line of sight meets the upright plane through ``middle``.
+
+    ``sight`` and ``middle`` are (3,) in the camera frame. A camera that looks steeply up or down sees no upright plane:
+    then it is the point at the middle's depth, which ``sight`` already is.
+    """
+    camera = T_base_camera[:3, 3]
+    facing = T_base_camera[:2, 2]
+    ray = transform_points(T_base_camera, sight) - camera
+    if np.linalg.norm(facing) < _LEAST_LEVEL:
+        return np.asarray(camera + ray)
+    offset = transform_points(T_base_camera, middle) - camera
+    return np.asarray(camera + ray * float(facing @ offset[:2]) / float(facing @ ray[:2]))
 
 
 def berry_axis_depth(frame: Frame, mask: NDArray[np.bool_]) -> float:
