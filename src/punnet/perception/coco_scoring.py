@@ -178,6 +178,9 @@ def _tables(
     evaluation = COCOeval_faster(annotated, found, iouType=kind, kpt_oks_sigmas=list(sigmas))
     evaluation.params.iouThrs = np.array(thresholds)
     evaluation.params.maxDets = [most_detections]
+    # By default only what is annotated is evaluated, and the tables change shape.
+    evaluation.params.imgIds = [image["id"] for image in collection.images]
+    evaluation.params.catIds = [category["id"] for category in categories]
     evaluation.params.areaRng = [[0, 1e10]]
     evaluation.params.areaRngLbl = ["all"]
     evaluation.evaluate()
