@@ -15,6 +15,7 @@ PICKING_HEIGHT = 0.014
 """Metres above the calyx at which the stem is gripped; the blade runs 6 mm higher."""
 
 _LEAST_PIXELS = 30
+_GRASP_INSET = 0.92  # of the way from the axis to the outline
 
 
 def berry_of_geom(world: World) -> NDArray[np.int64]:
@@ -87,7 +88,7 @@ def _keypoints(
     body_of_geom = np.append(world.model.geom_bodyid, -1)
     for row, index in enumerate(chosen):
         berry = world.cluster.berries[index].berry
-        across = _grasp_points(poses[index], T_base_camera, float(berry.width), np.asarray(berry.centre))
+        across = _grasp_points(poses[index], T_base_camera, berry.mesh.vertices)
         points = np.concatenate(
             (
                 picking[index][None],
@@ -118,19 +119,17 @@ def _visibility(shows_itself: bool, which: int, seen: int) -> Visibility:
 
 
 def _grasp_points(
-    T_base_berry: NDArray[np.float64],
-    T_base_camera: NDArray[np.float64],
-    width: float,
-    centre: NDArray[np.float64],
+    T_base_berry: NDArray[np.float64], T_base_camera: NDArray[np.float64], vertices: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Left and right grasp points (2, 3): the fruit's sides as the camera sees them, at its widest height."""
-    middle = transform_points(T_base_berry, centre)
-    axis = T_base_berry[:3, 2]
-    sight = middle - T_base_camera[:3, 3]
-    right = np.cross(sight, axis)
-    right /= np.linalg.norm(right)
-    inset = 0.46 * width  # just inside the outline
-    return np.stack((middle - inset * right, middle + inset * right))
+    """Left and right grasp points (2, 3): the sides of the fruit as the camera sees them, just inside its outline."""
+    surface = transform_points(T_base_berry, vertices)
+    middle, axis = surface.mean(axis=0), T_base_berry[:3, 2]
+    right = np.cross(middle - T_base_camera[:3, 3], axis)
+    right = right / np.linalg.norm(right)
+    sideways = (surface - middle) @ right
+    outline = surface[[int(np.argmin(sideways)), int(np.argmax(sideways))]]
+    on_axis = middle + ((outline - middle) @ axis)[:, None] * axis
+    return np.asarray(on_axis + _GRASP_INSET * (outline - on_axis))
 
 
 def _boxes(masks: NDArray[np.bool_], keypoints: NDArray[np.float64]) -> NDArray[np.float64]:

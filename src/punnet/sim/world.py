@@ -122,6 +122,8 @@ class World:
 
 def build_world(seed: int, config: WorldConfig | None = None) -> World:
     """Build the world of ``seed``: the same seed and config give the same world, berry for berry."""
+    # MuJoCo would write a log file wherever the user stands; divergence is noticed in World.step instead.
+    mujoco.set_mju_user_warning(lambda text: None)
     config = config or WorldConfig()
     rng = np.random.default_rng(seed)
     cluster = grow_cluster(rng, config.cluster)

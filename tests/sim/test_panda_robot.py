@@ -1,0 +1,139 @@
+"""One true pick, end to end, with the picker's real physics; then what must not work."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from punnet.errors import RobotError
+from punnet.geometry import invert_transform
+from punnet.movement import JointTrajectory, retime
+from punnet.planning import ProMPDepthPlanner
+from punnet.robot import HOME, T_FLANGE_TOOL, Panda, Robot, nearest_solution
+from punnet.robot.tool import T_FLANGE_CAMERA
+from punnet.scene import Frame, Target
+from punnet.sim.panda_robot import WRIST_CAMERA, SimulatedPanda
+from punnet.sim.punnets import PUNNET_PLACES
+from punnet.sim.truth import true_picking_points
+from tests.sim.conftest import small_world
+
+ARM = Panda()
+NOTHING = Frame(np.zeros((8, 8, 3), dtype=np.uint8))
+
+
+@pytest.fixture
+def robot():
+    with_noise = SimulatedPanda(small_world(), np.random.default_rng(0))
+    yield with_noise
+    with_noise.close()
+
+
+def reach(robot, point):
+    plan = ProMPDepthPlanner.from_bundle().plan(NOTHING, Target(np.zeros(4), point), robot.joints())
+    path = plan.mean(np.linspace(0, 1, 100))
+    path[0] = robot.joints()
+    return robot.follow(retime(path, ARM.limits, speed=0.6))
+
+
+def in_front(robot):
+    """The berry that hangs nearest to the robot: nothing is in the way to it."""
+    return int(np.argmin(true_picking_points(robot.world)[:, 0]))
+
+
+def test_it_is_a_robot(robot):
+    assert isinstance(robot, Robot)
+
+
+def test_reach_grip_cut_and_carry(robot):
+    world, berry = robot.world, in_front(robot)
+    point = true_picking_points(world)[berry]
+    moved = reach(robot, point)
+    assert moved.reached, moved.reason
+    tool = ARM.forward_kinematics_tool(robot.joints())[:3, 3]
+    assert np.linalg.norm(tool - point) < 0.003
+    robot.separate(1.0)
+    grip = robot.grip()
+    assert grip.holding
+    assert robot.gripped() == {berry}
+    assert robot.cut().cut
+    assert list(np.flatnonzero(~world.attached())) == [berry]
+    back = np.stack((robot.joints(), HOME))
+    assert robot.follow(retime(back, ARM.limits, speed=0.6)).reached
+    assert robot.holding().holding
+    held = world.berry_poses()[berry][:3, 3]
+    tool = ARM.forward_kinematics_tool(robot.joints())[:3, 3]
+    assert np.linalg.norm(held - tool) < 0.03
+    robot.release()
+    for _ in range(250):
+        world.step()
+    assert world.berry_poses()[berry][2, 3] < held[2] - 0.2
+
+
+def test_cutting_air_says_so(robot):
+    assert not robot.grip().holding
+    result = robot.cut()
+    assert not result.cut
+    assert "no stem" in result.reason
+    assert robot.world.attached().all()
+
+
+def test_gripped_too_low_it_is_not_cut(robot):
+    berry = in_front(robot)
+    T = robot.world.berry_poses()[berry]
+    assert reach(robot, T[:3, 3] + 0.029 * T[:3, 2]).reached
+    robot.grip()
+    result = robot.cut()
+    assert not result.cut
+    assert "mm above the calyx" in result.reason
+
+
+def test_the_camera_sits_where_kinematics_says(robot):
+    data = robot.world.data
+    camera = robot.world.model.camera("wrist").id
+    assert np.allclose(robot.camera_pose()[:3, 3], data.cam_xpos[camera], atol=1e-3)
+    assert np.allclose(robot.camera_pose(), ARM.forward_kinematics(robot.joints()) @ T_FLANGE_CAMERA)
+    frame = robot.look()
+    assert (frame.width, frame.height) == (WRIST_CAMERA.width, WRIST_CAMERA.height)
+    assert 0.2 < np.median(frame.depth[frame.depth > 0])
+
+
+def test_the_arm_follows_what_it_is_given(robot):
+    goal = HOME + np.array([0.2, 0.1, -0.1, 0.2, 0.1, -0.2, 0.3])
+    result = robot.follow(retime(np.stack((robot.joints(), goal)), ARM.limits))
+    assert result.reached
+    assert np.abs(robot.joints() - goal).max() < 0.005
+
+
+def test_a_trajectory_from_elsewhere_is_refused(robot):
+    elsewhere = JointTrajectory(np.array([0.0, 1.0]), np.stack((HOME + 0.2, HOME)))
+    with pytest.raises(RobotError, match="starts more than"):
+        robot.follow(elsewhere)
+
+
+def test_an_arm_that_runs_into_the_table_stops(robot):
+    T = ARM.forward_kinematics(robot.joints())
+    down = T.copy()
+    down[2, 3] = -0.05
+    down[:3, :3] = T[:3, :3]
+    down[:3, 3] = (0.35, 0.0, 0.02)
+    goal = nearest_solution(down, HOME, arm=ARM)
+    result = robot.follow(retime(np.stack((robot.joints(), goal)), ARM.limits, speed=0.5))
+    assert not result.reached
+    assert "structure" in result.reason or "held up" in result.reason
+
+
+def test_the_weigh_cell_weighs_what_lies_in_the_punnet(robot):
+    world, berry = robot.world, in_front(robot)
+    assert abs(robot.weigh_punnet(0)) < 1.0
+    world.detach(berry)
+    address = int(world.model.joint(world.planted[berry].body).qposadr[0])
+    world.data.qpos[address : address + 3] = PUNNET_PLACES[0] + (0.0, 0.0, 0.06)
+    mujoco.mj_forward(world.model, world.data)
+    mass = world.cluster.berries[berry].berry.mass
+    assert robot.weigh_punnet(0) == pytest.approx(mass, abs=1.0)
+    with pytest.raises(RobotError, match="punnets 0"):
+        robot.weigh_punnet(9)
+
+
+def test_flange_and_tool_agree():
+    T = ARM.forward_kinematics(HOME)
+    assert np.allclose(ARM.forward_kinematics_tool(HOME) @ invert_transform(T_FLANGE_TOOL), T)
