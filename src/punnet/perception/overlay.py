@@ -31,7 +31,7 @@ def draw_overlay(rgb: NDArray[np.uint8], berries: Strawberries) -> NDArray[np.ui
 
     Key-points are filled where visible, hollow where the fruit hides them itself, crossed where something
     else does. Labels tell class, score, ripeness and, if known, grams; where they would cover one another
-    they move, and unpluckable berries of a score under one half go without.
+    they move. Unpluckable berries go without where there is no room, or with a score under one half.
 
     Parameters
     ----------
@@ -64,10 +64,12 @@ def draw_overlay(rgb: NDArray[np.uint8], berries: Strawberries) -> NDArray[np.ui
         for points, codes in zip(berries.keypoints, berries.visibility, strict=True):
             _keypoints(picture, points, codes, scale)
     taken: list[tuple[int, int, int, int]] = []
-    # Ripe berries and sure ones get the good places.
-    for i in np.lexsort((-berries.scores, berries.classes)):
-        if berries.pluckable[i] or berries.scores[i] >= LABELLED_SCORE:
-            _label(picture, berries, int(i), taken, scale)
+    for i in np.flatnonzero(berries.pluckable):
+        _label(picture, berries, int(i), taken, scale, crowding=1.0)
+    # What is not for picking must not be written over what is.
+    taken += [(int(u0), int(v0), int(u1), int(v1)) for u0, v0, u1, v1 in berries.boxes[berries.pluckable]]
+    for i in np.flatnonzero(~berries.pluckable & (berries.scores >= LABELLED_SCORE)):
+        _label(picture, berries, int(i), taken, scale, crowding=0.2)
     return picture
 
 
@@ -134,7 +136,10 @@ def _label(
     i: int,
     taken: list[tuple[int, int, int, int]],
     scale: float,
+    *,
+    crowding: float,
 ) -> None:
+    """Write a berry's label, unless more than ``crowding`` of it would lie over others (``taken``)."""
     lines = _words(berries, i)
     font, size, weight = cv2.FONT_HERSHEY_SIMPLEX, 0.42 * scale**0.8, max(1, round(0.9 * scale))
     extents = [cv2.getTextSize(line, font, size, weight)[0] for line in lines]
@@ -142,7 +147,7 @@ def _label(
     line_height = max(extent[1] for extent in extents) + pad
     width = max(extent[0] for extent in extents) + 2 * pad
     height = line_height * len(lines) + pad
-    place = _free_place(berries.boxes[i], (width, height), picture.shape[:2], taken)
+    place = _free_place(berries.boxes[i], (width, height), picture.shape[:2], taken, crowding)
     if place is None:
         return
     u, v = place
@@ -171,8 +176,9 @@ def _free_place(
     extent: tuple[int, int],
     image_size: tuple[int, int],
     taken: list[tuple[int, int, int, int]],
+    crowding: float,
 ) -> tuple[int, int] | None:
-    """Top-left corner beside the box, the first of eight free of other labels; None in a tiny image."""
+    """Top-left corner beside the box, the freest of eight places; None if that is too crowded."""
     width, height = extent
     if width >= image_size[1] or height >= image_size[0]:
         return None
@@ -195,7 +201,8 @@ def _free_place(
             for other in taken
         )
 
-    return min(limited, key=overlap)
+    place = min(limited, key=overlap)
+    return place if overlap(place) <= crowding * width * height else None
 
 
 def _pixel(point: NDArray[np.float64]) -> tuple[int, int]:
