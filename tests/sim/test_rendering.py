@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
@@ -240,8 +241,14 @@ def test_a_library_that_is_not_there_is_missed_before_mujoco_trips_over_it() -> 
         "try:\n    gl_context.gl_backend()\n"
         "except gl_context.RenderingError as error:\n    print(error)\n"
     )
+    environment = {name: value for name, value in os.environ.items() if name != "MUJOCO_GL"}
     result = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True
+        [sys.executable, "-c", program],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
     )
     assert "apt-get install" in result.stdout
     assert "libEGL.so.1 is not installed" in result.stdout or sys.platform == "darwin"
