@@ -66,7 +66,9 @@ def test_signs_are_made_continuous():
     assert (np.einsum("ti,ti->t", repaired[1:], repaired[:-1]) > 0).all()
 
 
-@pytest.mark.parametrize("bad", [np.eye(3), np.diag([1.0, 1.0, -1.0, 1.0]), 2 * np.eye(4), np.full((4, 4), np.nan)])
+@pytest.mark.parametrize(
+    "bad", [np.eye(3), np.diag([1.0, 1.0, -1.0, 1.0]), 2 * np.eye(4), np.full((4, 4), np.nan)]
+)
 def test_what_is_no_transform(bad):
     assert not is_transform(bad)
 

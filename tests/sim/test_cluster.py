@@ -3,7 +3,7 @@ import pytest
 
 from punnet.errors import ConfigurationError
 from punnet.sim.cluster import STUB_LENGTH, ClusterConfig, grow_cluster
-from punnet.sim.truss import grow_truss, TrussStyle
+from punnet.sim.truss import TrussStyle, grow_truss
 
 
 def test_the_same_seed_grows_the_same_plant_and_another_seed_another():

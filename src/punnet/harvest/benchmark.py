@@ -15,6 +15,7 @@ from punnet.errors import ConfigurationError, PunnetError
 from punnet.harvest.attempts import Attempt, Outcome
 from punnet.harvest.judge import Fate
 from punnet.harvest.scenario import Perception, Scenario, Session
+from punnet.sim.cluster import ClusterConfig
 from punnet.sim.world import WorldConfig
 
 __all__ = [
@@ -132,9 +133,9 @@ def cluster_seed(seed: int, number: int) -> int:
     return int(np.random.SeedSequence((seed, number)).generate_state(1)[0])
 
 
-def run_cluster(seed: int, perception: Perception) -> ClusterResult:
+def run_cluster(seed: int, perception: Perception, cluster: ClusterConfig | None = None) -> ClusterResult:
     """Grow the plant of ``seed``, harvest it, judge it. An error ends this cluster, not the benchmark."""
-    scenario = Scenario(seed, perception, WorldConfig(arm_visuals=False))
+    scenario = Scenario(seed, perception, WorldConfig(cluster or ClusterConfig(), arm_visuals=False))
     try:
         with Session(scenario) as session:
             run = session.run()
@@ -172,6 +173,7 @@ def run_benchmark(
     *,
     workers: int = 1,
     perception: Perception = "colour",
+    cluster: ClusterConfig | None = None,
     progress: Callable[[ClusterResult], None] | None = None,
 ) -> BenchmarkResult:
     """Harvest ``clusters`` plants, the same ones for the same ``seed`` whatever the number of workers.
@@ -180,12 +182,16 @@ def run_benchmark(
     ----------
     workers
         Processes; joblib's default back end, so another one can be set around this call.
+    cluster
+        The kind of plant; the demo's if None.
     progress
         Told of each cluster as it is done.
     """
     if clusters < 1 or workers < 1:
         raise ConfigurationError(f"benchmark: clusters and workers must be ≥ 1, got {clusters} and {workers}")
-    jobs = (delayed(run_cluster)(cluster_seed(seed, number), perception) for number in range(clusters))
+    jobs = (
+        delayed(run_cluster)(cluster_seed(seed, number), perception, cluster) for number in range(clusters)
+    )
     results = []
     for result in Parallel(n_jobs=workers, return_as="generator", batch_size=1)(jobs):
         results.append(result)

@@ -187,7 +187,9 @@ class Harvester:
         attempt.phase = Phase.PLAN
         if self._filler.choose() is None:
             raise _StepError("all punnets are full")
-        directions, _ = approach_directions(attempt.picking_point, obstacles(attempt.frame, attempt.berries, attempt.row))
+        directions, _ = approach_directions(
+            attempt.picking_point, obstacles(attempt.frame, attempt.berries, attempt.row)
+        )
         refusal: Exception | None = None
         for direction in directions:
             target = Target(attempt.berries.boxes[attempt.row], attempt.picking_point, direction)

@@ -1,0 +1,150 @@
+"""The loop on a real simulated plant, and with one part made to fail at a time."""
+
+import numpy as np
+import pytest
+
+from punnet.errors import ConfigurationError, PlanningError
+from punnet.harvest.attempts import Outcome, Phase
+from punnet.harvest.config import HarvestConfig
+from punnet.harvest.scenario import Scenario, Session
+from punnet.movement import JointTrajectory
+from punnet.robot import CutResult, GripResult, MotionResult
+from punnet.sim.berry import RipenessStage
+from punnet.sim.cluster import ClusterConfig
+from punnet.sim.world import WorldConfig
+
+PLANT = ClusterConfig(
+    trusses=(2, 2),
+    berries=(1, 2),
+    stage_shares={RipenessStage.RIPE: 0.7, RipenessStage.GREEN: 0.3},
+    canopy_leaves=(2, 2),
+    hanging_leaves=(0, 0),
+)
+
+
+def a_session(seed=2, perception="oracle", **harvest):
+    world = WorldConfig(cluster=PLANT, arm_visuals=False)
+    return Session(Scenario(seed, perception, world, HarvestConfig(**harvest)))
+
+
+@pytest.fixture(scope="module", params=["oracle", "colour"])
+def harvested(request):
+    with a_session(perception=request.param) as session:
+        yield session, session.run()
+
+
+def test_every_ripe_berry_ends_in_a_punnet_and_no_other(harvested):
+    session, _ = harvested
+    fates = session.fates()
+    assert sum(fate.pluckable for fate in fates) >= 1
+    assert all(fate.success for fate in fates if fate.pluckable)
+    assert not any(fate.wrongly_picked for fate in fates)
+    assert not any(fate.damaged for fate in fates if fate.detached)
+
+
+def test_the_run_tells_what_the_world_knows(harvested):
+    session, run = harvested
+    assert len(run.picked) == sum(fate.punnet is not None for fate in session.fates())
+    assert sum(run.punnet_weights) == pytest.approx(
+        sum(fate.mass for fate in session.fates() if fate.punnet is not None), abs=1.0
+    )
+    for attempt in run.picked:
+        assert attempt.weighed == pytest.approx(session.truth_of[attempt.number], abs=1.0)
+        assert attempt.phase is Phase.PLACE
+        assert attempt.seconds_simulated > 3.0
+        assert attempt.distribution is not None
+
+
+def test_weights_by_eye_are_near_the_truth(harvested):
+    session, run = harvested
+    errors = [abs(a.estimate - session.truth_of[a.number]) / session.truth_of[a.number] for a in run.picked]
+    assert np.mean(errors) < 0.25
+
+
+@pytest.mark.parametrize(
+    ("name", "result", "phase", "reason"),
+    [
+        ("grip", GripResult(False, 0.0, "nothing between the pads"), Phase.GRIP, "nothing between"),
+        ("cut", CutResult(False, "blade 12 mm from the stem"), Phase.CUT, "12 mm"),
+    ],
+)
+def test_a_step_that_fails_is_named_and_tried_again_then_left(name, result, phase, reason):
+    with a_session(attempts=2) as session:
+        ripe = sum(fate.pluckable for fate in session.fates())
+        setattr(session.robot, name, lambda: result)
+        run = session.run()
+        assert len(run.attempts) == 2 * ripe
+        assert {attempt.phase for attempt in run.attempts} == {phase}
+        assert all(reason in attempt.reason for attempt in run.attempts)
+        assert session.world.attached().all()
+
+
+def test_a_berry_out_of_reach_is_skipped_with_the_reason():
+    with a_session() as session:
+        session.harvester._planner = Refusing()
+        run = session.run()
+        assert run.attempts
+        assert all(a.outcome is Outcome.SKIPPED and "out of reach" in a.reason for a in run.attempts)
+
+
+class Refusing:
+    name = "refusing"
+
+    def plan(self, frame, target, start):
+        raise PlanningError("out of reach: no posture brings the tool there")
+
+
+def test_an_arm_that_is_held_up_ends_the_run_safely():
+    with a_session() as session:
+        follow = session.robot.follow
+
+        def held_up(trajectory: JointTrajectory) -> MotionResult:
+            if session.robot.time > 4.0:
+                return MotionResult(False, "arm held up")
+            return follow(trajectory)
+
+        session.robot.follow = held_up
+        run = session.run()
+        assert "held up" in run.stopped
+        assert run.attempts[-1].outcome is Outcome.FAILED
+
+
+def test_an_interrupt_keeps_what_was_done():
+    with a_session() as session:
+        looks = []
+        look = session.robot.look
+
+        def interrupted():
+            looks.append(1)
+            if len(looks) == 2:
+                raise KeyboardInterrupt
+            return look()
+
+        session.robot.look = interrupted
+        run = session.run()
+        assert run.interrupted
+        assert len(run.picked) == 1
+        assert run.punnet_weights[0] > 3.0
+
+
+def test_without_ripe_berries_nothing_is_touched():
+    green = ClusterConfig(
+        trusses=(1, 1), berries=(2, 2), stage_shares={RipenessStage.GREEN: 1.0}, canopy_leaves=(0, 0)
+    )
+    with Session(Scenario(1, "oracle", WorldConfig(cluster=green, arm_visuals=False))) as session:
+        run = session.run()
+        assert run.attempts == []
+        assert session.world.attached().all()
+
+
+@pytest.mark.parametrize("bad", [{"speed": 0.0}, {"careful_speed": 1.5}, {"attempts": 0}, {"retreat": -1.0}])
+def test_impossible_settings_are_refused(bad):
+    with pytest.raises(ConfigurationError, match="harvest"):
+        HarvestConfig(**bad)
+
+
+def test_impossible_scenarios_are_refused():
+    with pytest.raises(ConfigurationError, match="seed"):
+        Scenario(-1)
+    with pytest.raises(ConfigurationError, match="perception"):
+        Scenario(1, "eyes closed")
