@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -37,7 +38,7 @@ def detect(
     from punnet.perception.batch import detect_photos, list_photos
 
     chosen = list_photos(photos)
-    detector = ColourDetector(ColourConfig(score=score))
+    detector = ColourDetector(replace(ColourConfig.for_photographs(), score=score))
     with OutputFolder(out, force=force) as output:
         results = []
         for result in track(detect_photos(chosen, detector, output), len(chosen), "detecting"):

@@ -62,7 +62,7 @@ def _add_berry(
     T = hanging.T_base_berry
     body = spec.worldbody.add_body(name=name, pos=T[:3, 3], quat=_quaternion(T[:3, :3]))
     # Air and the plant's own tissue take the spin out of a berry; the armature keeps small ones stable at this time step.
-    body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_FREE, damping=3e-5, armature=3e-6)
+    body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_FREE, damping=1e-4, armature=1e-5)
     skin = add_mesh_asset(spec, name, fruit.mesh, fruit.texture, **BERRY_GLOSS)
     _add_drawn_mesh(body, f"{name}_skin", skin)
     calyx = make_calyx(rng, fruit.width)

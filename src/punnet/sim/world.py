@@ -146,8 +146,8 @@ def _set_physics(spec: mujoco.MjSpec) -> None:
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = 10.0
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    option.iterations = 20
-    option.ls_iterations = 20
+    option.iterations = 60
+    option.ls_iterations = 40
     spec.visual.quality.numslices = 10
     spec.visual.quality.numstacks = 6
 
