@@ -12,12 +12,24 @@ PAGES = [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "CONTRIBUTING.md", ROOT 
 NAMES = [page.relative_to(ROOT).as_posix() for page in PAGES]
 
 
+def python_blocks(page: Path) -> list[str]:
+    return re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+
+
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
-def test_python_examples_run(page: Path) -> None:
-    blocks = re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
-    names: dict[str, object] = {"__name__": "example"}
+def test_python_examples_are_python(page: Path) -> None:
+    for block in python_blocks(page):
+        compile(block, str(page), "exec")
+
+
+@pytest.mark.parametrize(
+    "page", sorted((ROOT / "docs" / "contributing").glob("*.md")), ids=lambda page: page.stem
+)
+def test_parts_to_copy_run(page: Path) -> None:
+    blocks = python_blocks(page)
+    assert blocks
     for block in blocks:
-        exec(compile(block, str(page), "exec"), names)
+        exec(compile(block, str(page), "exec"), {"__name__": "example"})
 
 
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
