@@ -1,0 +1,85 @@
+"""``punnet demo``, ``harvest``, ``benchmark`` and ``demos``: bad input, and Ctrl-C in the middle of a pick."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from punnet.bundle import load_bundle
+from punnet.outputs import MARKER_FILE
+
+# A shell that runs the tests in the background has Ctrl-C ignored, and its children inherit that.
+COMMAND = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from punnet.cli import main
+main()
+"""
+
+
+@pytest.mark.parametrize("command", ["demo", "harvest"])
+def test_output_is_checked_before_anything_is_grown(
+    punnet, command: str, unwritable: Path, taken: Path
+) -> None:
+    punnet(command, "--out", unwritable).fails_with(str(unwritable), "file stands")
+    punnet(command, "--out", taken).fails_with("exists", "--force")
+    punnet(command, "--out", taken, "--force").fails_with("not made by punnet")
+    assert (taken / "thesis.txt").read_text() == "the only copy"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("demo", "--seed", "-1"),
+        ("harvest",),
+        ("benchmark", "harvest", "--clusters", "0"),
+        ("benchmark", "harvest", "--workers", "none"),
+        ("demos", "simulate"),
+        ("demos", "simulate", "--bundle", "x", "--configs", "1"),
+    ],
+    ids=" ".join,
+)
+def test_wrong_options(punnet, arguments: tuple[str, ...]) -> None:
+    assert punnet(*arguments).code == 2
+
+
+def test_demos_simulate_makes_a_bundle(punnet, tmp_path: Path, unwritable: Path) -> None:
+    options = ("--configs", "3", "--repeats", "2", "--seed", "1", "--bundle")
+    assert punnet("demos", "simulate", *options, tmp_path / "reach").code == 0
+    bundle = load_bundle(tmp_path / "reach", kind="promp")
+    assert bundle.manifest.seed == 1
+    punnet("demos", "simulate", *options, tmp_path / "reach").fails_with("exists", "--force")
+    assert punnet("demos", "simulate", *options, tmp_path / "reach", "--force").code == 0
+    punnet("demos", "simulate", *options, unwritable).fails_with(str(unwritable))
+
+
+def test_interrupted_harvest_is_kept_and_said_so(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    process = subprocess.Popen(
+        [sys.executable, "-c", COMMAND, "harvest", "--seed", "7", "--out", str(out)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stderr is not None
+    said = ""
+    for line in process.stderr:
+        said += line
+        if "reaches for berry" in line:
+            break
+    process.send_signal(signal.SIGINT)
+    said += process.communicate(timeout=120)[1]
+    assert process.returncode == 130, said
+    assert f"interrupted; kept what was finished in {out}" in said
+    assert "Traceback" not in said
+    record = json.loads((out / "harvest.json").read_text())
+    assert record["interrupted"] is True
+    assert len(record["picks"]) == 1
+    assert "interrupted" in (out / "report.html").read_text(encoding="utf-8")
+    assert (out / "first_view.png").is_file()
+    assert json.loads((out / MARKER_FILE).read_text())["complete"] is False
