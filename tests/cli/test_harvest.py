@@ -6,11 +6,13 @@ import json
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from punnet.bundle import load_bundle
+from punnet.harvest.benchmark import ClusterResult
 from punnet.outputs import MARKER_FILE
 
 # A shell that runs the tests in the background has Ctrl-C ignored, and its children inherit that.
@@ -83,3 +85,22 @@ def test_interrupted_harvest_is_kept_and_said_so(tmp_path: Path) -> None:
     assert "interrupted" in (out / "report.html").read_text(encoding="utf-8")
     assert (out / "first_view.png").is_file()
     assert json.loads((out / MARKER_FILE).read_text())["complete"] is False
+
+
+@pytest.mark.parametrize("finished", [0, 2])
+def test_interrupted_benchmark_gives_the_figures_of_what_is_done(
+    punnet, monkeypatch: pytest.MonkeyPatch, finished: int
+) -> None:
+    def broken_off(*args: object, progress: Callable[[ClusterResult], None], **kwargs: object) -> None:
+        for seed in range(finished):
+            progress(ClusterResult(seed))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("punnet.harvest.benchmark.run_benchmark", broken_off)
+    result = punnet("benchmark", "harvest", "--clusters", "5", "--json")
+    assert result.code == 130
+    if finished:
+        assert json.loads(result.out)["clusters"] == 2
+        assert "2 of 5 plants" in result.err
+    else:
+        assert "nothing was finished" in result.err

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from punnet.cli.console import note, print_json, print_table, progress_bar
 from punnet.cli.options import Json, Oracle, Seed
 
+if TYPE_CHECKING:
+    from punnet.harvest.scenario import Perception
+
 __all__ = ["register"]
+
+INTERRUPTED = 130
 
 
 def register(app: typer.Typer) -> None:
@@ -30,19 +35,25 @@ def harvest(
 ) -> None:
     """Harvest unseen plants: success over reachable ripe berries, wrong picks, damage, seconds, reasons.
 
-    The same seed gives the same plants, whatever the number of workers.
+    The same seed gives the same plants, whatever the number of workers. Interrupted, it prints the figures of
+    the plants that are done.
     """
-    from punnet.harvest.benchmark import run_benchmark
+    from punnet.harvest.benchmark import BenchmarkResult, ClusterResult, run_benchmark
 
+    perception: Perception = "oracle" if oracle else "colour"
+    done: list[ClusterResult] = []
     with progress_bar("harvesting", clusters) as advance:
-        result = run_benchmark(
-            clusters,
-            seed,
-            workers=workers,
-            perception="oracle" if oracle else "colour",
-            progress=lambda cluster: advance(),
-        )
-    figures = result.to_json()
+
+        def count(cluster: ClusterResult) -> None:
+            done.append(cluster)
+            advance()
+
+        try:
+            run_benchmark(clusters, seed, workers=workers, perception=perception, progress=count)
+        except KeyboardInterrupt:
+            if not done:
+                raise
+    figures = BenchmarkResult(perception, seed, tuple(done)).to_json()
     if as_json:
         print_json(figures)
     else:
@@ -51,6 +62,9 @@ def harvest(
         for cluster_seed, error in figures["errors"].items():
             note(f"cluster of seed {cluster_seed} could not be run: {error}")
         raise typer.Exit(1)
+    if len(done) < clusters:
+        note(f"interrupted; these are the figures of the {len(done)} of {clusters} plants that were finished")
+        raise typer.Exit(INTERRUPTED)
 
 
 def _print(figures: dict[str, Any]) -> None:

@@ -46,7 +46,9 @@ class Obstacles:
             )
 
 
-def clearance(point: NDArray[np.float64], obstacles: Obstacles, yaws: NDArray[np.float64]) -> NDArray[np.float64]:
+def clearance(
+    point: NDArray[np.float64], obstacles: Obstacles, yaws: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Least sideways distance (Y,) in metres between the picker's middle and an obstacle, for approaches at ``yaws`` (Y,).
 
     ``point`` (3,) is where to grip. Infinity where nothing is in the way; a fruit's distance is that of its surface.
@@ -63,7 +65,9 @@ def clearance(point: NDArray[np.float64], obstacles: Obstacles, yaws: NDArray[np
     return np.asarray(np.where(in_way, aside - widths, np.inf).min(axis=1, initial=np.inf), dtype=np.float64)
 
 
-def approach_directions(point: NDArray[np.float64], obstacles: Obstacles) -> tuple[NDArray[np.float64], float]:
+def approach_directions(
+    point: NDArray[np.float64], obstacles: Obstacles
+) -> tuple[NDArray[np.float64], float]:
     """Unit directions (Y, 3) in the base frame to come in along, the best first, and the best one's clearance in metres.
 
     Best is the widest clearance, up to :data:`AMPLE`; of equals the one nearest to the comfortable yaw.
