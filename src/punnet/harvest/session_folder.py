@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from punnet.harvest.attempts import Attempt, HarvestRun
 from punnet.harvest.records import HarvestReport
@@ -28,7 +27,7 @@ class Announcer:
 
 
 def harvest_into(
-    output: OutputFolder, scenario: Scenario, announcer: Announcer | None = None, *, workers: int = 2
+    output: OutputFolder, scenario: Scenario, announcer: Announcer | None = None
 ) -> HarvestReport:
     """Harvest a simulated plant and write the folder.
 
@@ -40,8 +39,6 @@ def harvest_into(
     ----------
     output
         An open output folder.
-    workers
-        Processes that draw the film.
 
     Raises
     ------
@@ -61,11 +58,11 @@ def harvest_into(
         _write_pictures(output, run)
         report = tell(session, run)
         _write(output, report)
-    if run.interrupted:
-        raise KeyboardInterrupt
-    video = output.path / "harvest.mp4"
-    render_film(recorder, scenario.seed, scenario.world, video, workers=workers, progress=announcer.film)
-    report = _with_video(report, video)
+        if run.interrupted:
+            raise KeyboardInterrupt
+        video = output.path / "harvest.mp4"
+        render_film(recorder, session.world, video, progress=announcer.film)
+    report = replace(report, video=video.read_bytes())
     _write(output, report)
     return report
 
@@ -85,7 +82,3 @@ def _write(output: OutputFolder, report: HarvestReport) -> None:
     (output.path / "harvest.json").write_text(text + "\n", encoding="utf-8")
     write_report(output.path / "report.html", report)
     output.finished()
-
-
-def _with_video(report: HarvestReport, path: Path) -> HarvestReport:
-    return replace(report, video=path.read_bytes())

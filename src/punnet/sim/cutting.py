@@ -109,11 +109,13 @@ def _closest(T_base_berry: NDArray[np.float64], swept: _Swept) -> tuple[float, f
 
 def _drop_upper_stub(world: World, berry: int, height: float) -> None:
     """What is above the cut stays with the plant in truth; it is no longer drawn or touched on the berry."""
-    piece_length = STUB_LENGTH / STUB_PIECES
-    for piece, name in enumerate(world.planted[berry].stub):
-        if piece * piece_length >= height:
-            geom = world.model.geom(name)
-            geom.contype, geom.conaffinity = 0, 0
-            geom.rgba = (0.0, 0.0, 0.0, 0.0)
-            geom.matid = -1
+    above = [
+        world.model.geom(name).id
+        for piece, name in enumerate(world.planted[berry].stub)
+        if piece * STUB_LENGTH / STUB_PIECES >= height
+    ]
+    world.model.geom_contype[above] = 0
+    world.model.geom_conaffinity[above] = 0
+    world.model.geom_rgba[above, 3] = 0.0
+    world.model.geom_matid[above] = -1
     mujoco.mj_forward(world.model, world.data)

@@ -1,19 +1,19 @@
-"""Film of a simulated harvest: states are recorded while it runs and drawn afterwards, on several cores.
+"""Film of a simulated harvest: states are recorded while it runs and drawn afterwards.
 
-Recording costs next to nothing, so filming does not slow a harvest down. A worker builds the same world again from
-its seed and draws the states that it is given: third-person view with the wrist camera's view inset.
+Recording costs next to nothing, so filming does not slow a harvest down; and a film can be drawn of the frames that
+are worth it, however long the harvest took. Third-person view with the wrist camera's view inset.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
 import mujoco
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from punnet.errors import ConfigurationError
@@ -21,21 +21,20 @@ from punnet.sim.layers import ARM_VISUAL
 from punnet.sim.picker import CAMERA_NAME
 from punnet.sim.rendering import CameraRenderer
 from punnet.sim.video import VideoWriter
-from punnet.sim.world import OVERVIEW_CAMERA, World, WorldConfig, build_world
+from punnet.sim.world import OVERVIEW_CAMERA, World
 
 __all__ = ["FilmStyle", "Recorder", "render_film"]
 
-_BATCH = 12  # frames a worker draws before it hands them over
 _CAPTION_HEIGHT = 28
 
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """What it takes to draw one instant."""
+    """What it takes to draw one instant; ``cut`` are the geometries that a cut has hidden."""
 
     time: float
     qpos: NDArray[np.float64]
-    hidden: NDArray[np.int64]
+    cut: NDArray[np.int64]
     caption: str
 
 
@@ -57,8 +56,8 @@ class Recorder:
         if world.data.time < self._next:
             return
         self._next = world.data.time + 1.0 / self.rate
-        hidden = np.flatnonzero(world.model.geom_rgba[:, 3] == 0.0)
-        self.states.append(_State(float(world.data.time), world.data.qpos.copy(), hidden, self.caption))
+        cut = np.flatnonzero(world.model.geom_rgba[:, 3] == 0.0)
+        self.states.append(_State(float(world.data.time), world.data.qpos.copy(), cut, self.caption))
 
 
 @dataclass(frozen=True)
@@ -73,20 +72,20 @@ class FilmStyle:
 
 def render_film(
     recorder: Recorder,
-    seed: int,
-    config: WorldConfig,
+    world: World,
     path: Path,
     *,
     style: FilmStyle | None = None,
-    workers: int = 2,
     progress: Callable[[int, int], None] | None = None,
 ) -> float:
-    """Draw what was recorded into an mp4; how many times faster than life it plays.
+    """Draw what was recorded of ``world`` into an mp4; how many times faster than life it plays.
+
+    The world's state is left as it is; the renderer uses all cores by itself.
 
     Parameters
     ----------
     recorder
-        With the states of a world built from ``seed`` and ``config``.
+        With the states of ``world``.
     progress
         Told of frames done and frames in all.
     """
@@ -95,73 +94,33 @@ def render_film(
         raise ConfigurationError("film: nothing was recorded")
     step = max(1, -(-len(recorder.states) // style.most_frames))
     states = recorder.states[::step]
-    batches = [states[start : start + _BATCH] for start in range(0, len(states), _BATCH)]
-    drawn = Parallel(n_jobs=workers, return_as="generator", batch_size=1, pre_dispatch="2*n_jobs")(
-        delayed(_draw_batch)(seed, config, style, batch) for batch in batches
-    )
-    done = 0
-    with VideoWriter(path, fps=style.frames_a_second, size=style.size) as video:
-        for frame in _decoded(drawn):
-            video.write(frame)
-            done += 1
-            if progress is not None:
-                progress(done, len(states))
+    model = world.model
+    at_the_end = model.geom_rgba[:, 3].copy(), model.geom_matid.copy()
+    data = mujoco.MjData(model)
+    try:
+        with ExitStack() as stack:
+            overview = stack.enter_context(CameraRenderer(model, *style.size))
+            inset = stack.enter_context(CameraRenderer(model, *style.inset, hidden_groups=(ARM_VISUAL,)))
+            video = stack.enter_context(VideoWriter(path, fps=style.frames_a_second, size=style.size))
+            for done, state in enumerate(states, start=1):
+                _set_state(world, data, state)
+                picture = overview.render_rgb(data, OVERVIEW_CAMERA).copy()
+                _paste(picture, inset.render_rgb(data, CAMERA_NAME))
+                _write_caption(picture, f"{state.time:5.1f} s   {state.caption}")
+                video.write(picture)
+                if progress is not None:
+                    progress(done, len(states))
+    finally:
+        model.geom_rgba[:, 3], model.geom_matid[:] = at_the_end
     return float(step / recorder.rate * style.frames_a_second)
 
 
-def _decoded(batches: Iterator[list[bytes]]) -> Iterator[NDArray[np.uint8]]:
-    for batch in batches:
-        for encoded in batch:
-            image = cv2.imdecode(np.frombuffer(encoded, dtype=np.uint8), cv2.IMREAD_COLOR)
-            yield np.ascontiguousarray(np.asarray(image, dtype=np.uint8)[:, :, ::-1])
-
-
-class _Studio:
-    """One world with its two renderers, kept by a worker from batch to batch."""
-
-    def __init__(self, seed: int, config: WorldConfig, style: FilmStyle) -> None:
-        self.key = (seed, repr(config), style)
-        self.world = build_world(seed, config)
-        self.rgba = self.world.model.geom_rgba.copy()
-        self.materials = self.world.model.geom_matid.copy()
-        self.overview = CameraRenderer(self.world.model, *style.size)
-        self.inset = CameraRenderer(self.world.model, *style.inset, hidden_groups=(ARM_VISUAL,))
-
-    def draw(self, state: _State, style: FilmStyle) -> NDArray[np.uint8]:
-        model, data = self.world.model, self.world.data
-        model.geom_rgba[:] = self.rgba
-        model.geom_matid[:] = self.materials
-        model.geom_rgba[state.hidden, 3] = 0.0
-        model.geom_matid[state.hidden] = -1
-        data.qpos[:] = state.qpos
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_camlight(model, data)
-        picture = self.overview.render_rgb(data, OVERVIEW_CAMERA).copy()
-        _paste(picture, self.inset.render_rgb(data, CAMERA_NAME))
-        _write_caption(picture, f"{state.time:5.1f} s   {state.caption}")
-        return picture
-
-    def close(self) -> None:
-        self.overview.close()
-        self.inset.close()
-
-
-_studio: _Studio | None = None
-
-
-def _draw_batch(seed: int, config: WorldConfig, style: FilmStyle, states: list[_State]) -> list[bytes]:
-    """Pictures of ``states`` as JPEG; the world and its renderers stay for the next batch of the same film."""
-    global _studio
-    if _studio is None or _studio.key != (seed, repr(config), style):
-        if _studio is not None:
-            _studio.close()
-        _studio = _Studio(seed, config, style)
-    encoded = []
-    for state in states:
-        picture = _studio.draw(state, style)
-        _, buffer = cv2.imencode(".jpg", picture[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 95])
-        encoded.append(buffer.tobytes())
-    return encoded
+def _set_state(world: World, data: mujoco.MjData, state: _State) -> None:
+    """Bring ``data`` and what is drawn of the stems to a recorded instant."""
+    world.hide_stubs(state.cut)
+    data.qpos[:] = state.qpos
+    mujoco.mj_kinematics(world.model, data)
+    mujoco.mj_camlight(world.model, data)
 
 
 def _paste(picture: NDArray[np.uint8], inset: NDArray[np.uint8]) -> None:

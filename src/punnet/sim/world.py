@@ -66,6 +66,10 @@ class World:
         self.arm_ctrl = np.array([model.actuator(name).id for name in JOINT_NAMES])
         self._fruit_bodies = np.array([model.body(berry.body).id for berry in planted], dtype=np.int64)
         self._welds = np.array([model.equality(berry.weld).id for berry in planted], dtype=np.int64)
+        self._stubs = np.array(
+            [model.geom(name).id for berry in planted for name in berry.stub], dtype=np.int64
+        )
+        self._stem_material = int(model.geom_matid[self._stubs[0]]) if len(planted) else -1
         berry_of_geom = np.full(model.ngeom, -1, dtype=np.int64)
         for berry in planted:
             berry_of_geom[model.geom(berry.fruit).id] = berry.index
@@ -114,6 +118,13 @@ class World:
     def attached(self) -> NDArray[np.bool_]:
         """(N,) whether each berry still hangs on the plant."""
         return np.asarray(self.data.eq_active[self._welds], dtype=np.bool_)
+
+    def hide_stubs(self, geoms: NDArray[np.int64]) -> None:
+        """Draw all pieces of stem above the berries but ``geoms``, ids of those that a cut has parted from them."""
+        self.model.geom_rgba[self._stubs, 3] = 1.0
+        self.model.geom_matid[self._stubs] = self._stem_material
+        self.model.geom_rgba[geoms, 3] = 0.0
+        self.model.geom_matid[geoms] = -1
 
     def detach(self, berry: int) -> None:
         """Part a berry from its truss; see ``cutting.py`` for the rule."""
