@@ -12,7 +12,7 @@ from punnet.cli.options import Force, Json, Oracle, OutFolder, Seed
 
 __all__ = ["register"]
 
-DEMO_SEED = 7
+DEMO_SEED = 23
 
 
 def register(app: typer.Typer) -> None:

@@ -30,6 +30,9 @@ _NOISE_SIGMA = 1.5
 """Spread, in half-resolution pixels, of the blur that makes noise and failures come in patches."""
 _INTERPOLATION_GAIN = 1.032
 
+_TOUCHING = 0.01
+"""Metres: nearer things lie far outside the search range, and their disparities need not be told apart."""
+
 
 @dataclass(frozen=True)
 class StereoDepthModel:
@@ -128,7 +131,8 @@ class StereoDepthModel:
         if not bool(np.isfinite(depth).all()) or depth.min(initial=0.0) < 0:
             raise ShapeError("depth sensor: true depth must be finite metres ≥ 0")
         scale = np.float32(self.imager_focal * self.baseline)
-        disparity = np.divide(scale, depth, out=np.zeros_like(depth), where=depth > 0)
+        clear = np.maximum(depth, np.float32(_TOUCHING))
+        disparity = np.divide(scale, clear, out=np.zeros_like(depth), where=depth > 0)
         lost = self._shadow(disparity)
         failing = _patchy_normal(depth.shape, rng)
         lost |= self._glare(rgb) & (failing < _normal_quantile(self.glare_holes))
