@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -131,6 +131,7 @@ def test_a_seed_decides_everything_and_the_input_is_left_alone() -> None:
     left=st.integers(0, 60),
     seed=st.integers(0, 2**32 - 1),
 )
+@example(near=1.0, far=1.2e-38, left=0, seed=0)
 @settings(max_examples=30, deadline=None)
 def test_any_scene_gives_a_legal_picture(near: float, far: float, left: int, seed: int) -> None:
     depth = np.full((48, 64), far, dtype=np.float32)
