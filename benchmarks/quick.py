@@ -10,6 +10,7 @@ QUICK = (
     ("start_up.py",),
     ("kinematics.py", "--poses", "2000"),
     ("rendering.py", "--repeats", "5"),
+    ("simulator.py", "--plants", "3"),
 )
 
 

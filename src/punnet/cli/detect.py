@@ -24,7 +24,7 @@ def detect(
     out: OutFolder,
     score: Annotated[
         float, typer.Option("--score", min=0.0, max=0.999, help="Leave out detections less sure than this.")
-    ] = 0.05,
+    ] = 0.2,
     force: Force = False,
     as_json: Json = False,
 ) -> None:

@@ -23,10 +23,13 @@ from punnet.robot import Panda, Robot
 from punnet.scene import Frame, Strawberries, Target
 from punnet.weight import WeightEstimator
 
-__all__ = ["Harvester", "Listener"]
+__all__ = ["CUTTING", "Harvester", "Listener"]
 
 Listener = Callable[[str, Attempt | None], None]
 """Told of each step: a line for a person, and the attempt it belongs to."""
+
+CUTTING = "cuts the stem"
+"""What a listener is told when the blade starts."""
 
 _EMPTY_PUNNET_NOISE = 1.0  # grams; a gain below this means that nothing fell in
 
@@ -212,6 +215,7 @@ class Harvester:
 
     def _separate_and_grip(self, attempt: Attempt) -> None:
         attempt.phase = Phase.SEPARATE
+        self._tell("moves its neighbours aside and grips the stem", attempt)
         self._robot.separate(self.config.separation)
         attempt.phase = Phase.GRIP
         grip = self._robot.grip()
@@ -220,6 +224,7 @@ class Harvester:
 
     def _cut(self, attempt: Attempt) -> None:
         attempt.phase = Phase.CUT
+        self._tell(CUTTING, attempt)
         cut = self._robot.cut()
         if not cut.cut:
             raise _StepError(cut.reason or "the stem was not cut")
@@ -229,6 +234,7 @@ class Harvester:
         punnet = self._filler.choose()
         if punnet is None:  # ruled out when planning; a punnet can't fill up on the way
             raise _StepError("all punnets are full")
+        self._tell(f"carries it to punnet {punnet + 1}", attempt)
         moved = self._motions.retreat()
         self._robot.separate(0.0)
         attempt.phase = Phase.PLACE

@@ -6,14 +6,18 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from punnet.harvest.attempts import Attempt, HarvestRun
+from punnet.harvest.loop import CUTTING
 from punnet.harvest.records import HarvestReport
 from punnet.harvest.report import write_report
 from punnet.harvest.scenario import Scenario, Session
 from punnet.harvest.telling import annotated_first_view, tell
 from punnet.outputs import OutputFolder
 from punnet.planning.plot import plot_distribution
-from punnet.sim.film import Recorder, render_film
+from punnet.sim.film import Recorder, render_close_ups, render_film
 
 __all__ = ["Announcer", "harvest_into"]
 
@@ -49,14 +53,14 @@ def harvest_into(
     recorder = Recorder()
 
     def listen(text: str, attempt: Attempt | None) -> None:
-        recorder.caption = text
-        announcer.line(text if attempt is None else f"berry {attempt.number}: {text}")
+        recorder.caption = text if attempt is None else f"berry {attempt.number}: {text}"
+        announcer.line(recorder.caption)
 
     with Session(scenario, listen) as session:
         session.robot.observers.append(recorder)
         run = session.run()
         _write_pictures(output, run)
-        report = tell(session, run)
+        report = tell(session, run, _close_ups(session, run, recorder))
         _write(output, report)
         if run.interrupted:
             raise KeyboardInterrupt
@@ -65,6 +69,17 @@ def harvest_into(
     report = replace(report, video=video.read_bytes())
     _write(output, report)
     return report
+
+
+def _close_ups(session: Session, run: HarvestRun, recorder: Recorder) -> dict[int, NDArray[np.uint8]]:
+    """Pictures of the cut, by the number of the attempt."""
+    moments = [(f"berry {attempt.number}: {CUTTING}", attempt.picking_point) for attempt in run.attempts]
+    pictures = render_close_ups(recorder, session.world, moments)
+    return {
+        attempt.number: picture
+        for attempt, picture in zip(run.attempts, pictures, strict=True)
+        if picture is not None
+    }
 
 
 def _write_pictures(output: OutputFolder, run: HarvestRun) -> None:

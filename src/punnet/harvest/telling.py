@@ -6,6 +6,7 @@ import datetime
 import math
 import platform
 import tempfile
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 
@@ -27,12 +28,15 @@ _CROP_MARGIN = 0.6  # of the box's longer side, on each side
 _CROP_SIZE = 240
 
 
-def tell(session: Session, run: HarvestRun, video: bytes | None = None) -> HarvestReport:
-    """The report of a finished (or interrupted) run."""
+def tell(
+    session: Session, run: HarvestRun, close_ups: Mapping[int, NDArray[np.uint8]] | None = None
+) -> HarvestReport:
+    """The report of a finished (or interrupted) run; ``close_ups`` are pictures of the cut by attempt number."""
+    close_ups = close_ups or {}
     scenario = session.scenario
     return HarvestReport(
         ripe=sum(fate.pluckable for fate in session.fates()),
-        picks=[_pick(session, attempt) for attempt in run.attempts],
+        picks=[_pick(session, attempt, close_ups.get(attempt.number)) for attempt in run.attempts],
         left=_left(run),
         punnets=_punnets(session, run),
         seconds_simulated=run.seconds_simulated,
@@ -51,7 +55,6 @@ def tell(session: Session, run: HarvestRun, video: bytes | None = None) -> Harve
         },
         created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         first_view=annotated_first_view(run),
-        video=video,
         interrupted=run.interrupted,
     )
 
@@ -63,10 +66,13 @@ def annotated_first_view(run: HarvestRun) -> bytes | None:
     return _png(draw_overlay(run.first_frame.rgb, run.first_berries))
 
 
-def _pick(session: Session, attempt: Attempt) -> PickRecord:
+def _pick(session: Session, attempt: Attempt, close_up: NDArray[np.uint8] | None) -> PickRecord:
     picked = attempt.outcome is Outcome.PICKED
     truth = session.truth_of.get(attempt.number)
     known = not math.isnan(attempt.estimate)
+    images = {"before": _crop(attempt)}
+    if close_up is not None:
+        images["at the cut"] = _png(close_up)
     return PickRecord(
         id=attempt.number,
         berry_class=CLASSES[int(attempt.berry.classes[0])],
@@ -79,7 +85,7 @@ def _pick(session: Session, attempt: Attempt) -> PickRecord:
         punnet=None if attempt.punnet is None else attempt.punnet + 1,
         seconds_simulated=attempt.seconds_simulated,
         seconds_computing=attempt.seconds_computing,
-        images={"before": _crop(attempt)},
+        images=images,
         plot=_plot(attempt),
     )
 

@@ -6,7 +6,7 @@ are worth it, however long the harvest took. Third-person view with the wrist ca
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,9 +23,10 @@ from punnet.sim.rendering import CameraRenderer
 from punnet.sim.video import VideoWriter
 from punnet.sim.world import OVERVIEW_CAMERA, World
 
-__all__ = ["FilmStyle", "Recorder", "render_film"]
+__all__ = ["FilmStyle", "Recorder", "render_close_ups", "render_film"]
 
 _CAPTION_HEIGHT = 28
+_CLOSE_UP_SIZE = (320, 320)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +114,41 @@ def render_film(
     finally:
         model.geom_rgba[:, 3], model.geom_matid[:] = at_the_end
     return float(step / recorder.rate * style.frames_a_second)
+
+
+def render_close_ups(
+    recorder: Recorder, world: World, moments: Sequence[tuple[str, NDArray[np.float64]]]
+) -> list[NDArray[np.uint8] | None]:
+    """Pictures (H, W, 3) of what was going on when a caption came up, from nearby; None if it never did.
+
+    Parameters
+    ----------
+    moments
+        Captions, and the points (3,) in the base frame to look at.
+    """
+    model, data = world.model, mujoco.MjData(world.model)
+    at_the_end = model.geom_rgba[:, 3].copy(), model.geom_matid.copy()
+    pictures: list[NDArray[np.uint8] | None] = []
+    try:
+        with CameraRenderer(model, *_CLOSE_UP_SIZE) as renderer:
+            for caption, point in moments:
+                state = next((state for state in recorder.states if state.caption == caption), None)
+                if state is None:
+                    pictures.append(None)
+                    continue
+                _set_state(world, data, state)
+                pictures.append(renderer.render_rgb(data, _close_camera(point)).copy())
+    finally:
+        model.geom_rgba[:, 3], model.geom_matid[:] = at_the_end
+    return pictures
+
+
+def _close_camera(point: NDArray[np.float64]) -> mujoco.MjvCamera:
+    """A camera a quarter of a metre away, beside the plant and a little behind it: the arm is not in the way."""
+    camera = mujoco.MjvCamera()
+    camera.lookat[:] = point - np.array([0.02, 0.0, 0.02])
+    camera.distance, camera.azimuth, camera.elevation = 0.25, -112.0, -12.0
+    return camera
 
 
 def _set_state(world: World, data: mujoco.MjData, state: _State) -> None:

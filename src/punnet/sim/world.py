@@ -183,7 +183,7 @@ def _set_camera(spec: mujoco.MjSpec) -> None:
     spec.visual.global_.offwidth = 1280
     spec.visual.global_.offheight = 960
     overview = spec.worldbody.add_camera(name=OVERVIEW_CAMERA, pos=(-0.06, 1.00, 1.10), fovy=45.0)
-    overview.quat = _looking_from((-0.06, 1.00, 1.10), (0.56, 0.11, 0.53))
+    overview.quat = _looking_from((-0.06, 1.00, 1.10), (0.56, 0.13, 0.49))
 
 
 def _looking_from(
