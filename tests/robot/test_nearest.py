@@ -1,4 +1,5 @@
 import time
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -51,9 +52,15 @@ def test_failures_are_named():
 
 def test_is_quick():
     pose = ARM.forward_kinematics(HOME + 0.2)
-    seconds = []
-    for _ in range(10):
-        begin = time.perf_counter()
-        nearest_solution(pose, HOME)
-        seconds.append(time.perf_counter() - begin)
-    assert min(seconds) < 0.006
+
+    def fastest(work: Callable[[], object]) -> float:
+        seconds = []
+        for _ in range(10):
+            begin = time.perf_counter()
+            work()
+            seconds.append(time.perf_counter() - begin)
+        return min(seconds)
+
+    # 2.5 ms on a quiet core, 50 times forward kinematics: against that, so that a busy machine or coverage,
+    # which slow down both, do not fail it.
+    assert fastest(lambda: nearest_solution(pose, HOME)) < 110 * fastest(lambda: ARM.forward_kinematics(HOME))
