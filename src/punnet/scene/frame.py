@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,8 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from punnet.errors import FileFormatError, OutputExistsError, ShapeError
+from punnet.errors import FileFormatError, ShapeError
 from punnet.geometry import CameraIntrinsics, is_transform
+from punnet.outputs import OutputFolder
 
 __all__ = ["Frame", "read_image"]
 
@@ -126,29 +125,16 @@ class Frame:
         Raises
         ------
         OutputExistsError
-            If the folder exists and ``force`` is not set.
+            If the folder exists and ``force`` is not set, or was not made by Punnet.
         """
-        folder = Path(folder)
-        if folder.exists() and not force:
-            raise OutputExistsError(f"{folder}: exists; give another folder or --force")
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        staging = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-        try:
-            _write_png(staging / "rgb.png", self.rgb[:, :, ::-1])
+        with OutputFolder(folder, force=force) as output:
+            _write_png(output.path / "rgb.png", self.rgb[:, :, ::-1])
             if self.depth is not None:
                 millimetres = np.rint(self.depth * MILLIMETRES_PER_METRE)
-                _write_png(
-                    staging / "depth.png", np.where(millimetres > 65535, 0, millimetres).astype(np.uint16)
-                )
-            (staging / "camera.json").write_text(json.dumps(self._description(), indent=2) + "\n")
-            staging.chmod(0o755)
-            if folder.exists():
-                shutil.rmtree(folder)
-            staging.rename(folder)
-        except BaseException:
-            shutil.rmtree(staging, ignore_errors=True)
-            raise
-        return folder
+                counts = np.where(millimetres > 65535, 0, millimetres).astype(np.uint16)
+                _write_png(output.path / "depth.png", counts)
+            (output.path / "camera.json").write_text(json.dumps(self._description(), indent=2) + "\n")
+        return Path(folder)
 
     def _description(self) -> dict[str, Any]:
         return {
