@@ -38,6 +38,9 @@ class OutputFolder:
         Where the results go.
     force
         Replace a folder that Punnet made earlier.
+    marker
+        File by which such a folder is known. The default is written here; any other, like a bundle's manifest, is the
+        caller's to write.
 
     Raises
     ------
@@ -49,9 +52,10 @@ class OutputFolder:
         On leaving by Ctrl-C.
     """
 
-    def __init__(self, folder: str | Path, *, force: bool = False) -> None:
+    def __init__(self, folder: str | Path, *, force: bool = False, marker: str = MARKER_FILE) -> None:
         self.folder = Path(folder).expanduser().absolute()
         self.force = force
+        self._marker = marker
         self.pieces = 0
         self._shown = folder
         self._staging: Path | None = None
@@ -73,9 +77,7 @@ class OutputFolder:
             self.folder.parent.mkdir(parents=True, exist_ok=True)
             self._staging = Path(tempfile.mkdtemp(prefix=f".{self.folder.name}-", dir=self.folder.parent))
             self._staging.chmod(0o755)
-            (self._staging / MARKER_FILE).write_text(
-                json.dumps({"made_by": "punnet", "complete": False}) + "\n"
-            )
+            self._mark(self._staging, complete=False)
         except (FileExistsError, NotADirectoryError) as error:
             raise OutputError(
                 f"{self._shown}: can't be made, a file stands where a folder is needed; give another folder"
@@ -91,7 +93,7 @@ class OutputFolder:
     ) -> None:
         staging, self._staging = self.path, None
         if error is None:
-            (staging / MARKER_FILE).write_text(json.dumps({"made_by": "punnet", "complete": True}) + "\n")
+            self._mark(staging, complete=True)
             _replace(self.folder, staging)
             return
         kept = self._keep(staging) if self.pieces else None
@@ -101,12 +103,17 @@ class OutputFolder:
         if kept is not None:
             error.add_note(f"kept what was finished in {kept}")
 
+    def _mark(self, staging: Path, *, complete: bool) -> None:
+        if self._marker == MARKER_FILE:
+            text = json.dumps({"made_by": "punnet", "complete": complete})
+            (staging / MARKER_FILE).write_text(text + "\n")
+
     def _require_replaceable(self, folder: Path) -> None:
         if not folder.exists() and not folder.is_symlink():
             return
         if not self.force:
             raise OutputExistsError(f"{self._shown}: exists; give another folder or --force")
-        if not (folder / MARKER_FILE).is_file() and not (folder.is_dir() and not any(folder.iterdir())):
+        if not (folder / self._marker).is_file() and not (folder.is_dir() and not any(folder.iterdir())):
             raise OutputExistsError(
                 f"{self._shown}: exists and was not made by punnet, so --force does not replace it; "
                 "give another folder"
@@ -116,7 +123,7 @@ class OutputFolder:
         place = self.folder
         if place.exists():
             place = place.with_name(f"{place.name}-partial")
-            if place.exists() and not (place / MARKER_FILE).is_file():
+            if place.exists() and not (place / self._marker).is_file():
                 return None
         _replace(place, staging)
         return place
@@ -128,6 +135,11 @@ def _replace(place: Path, staging: Path) -> None:
         staging.rename(place)
         return
     old = Path(tempfile.mkdtemp(prefix=f".{place.name}-old-", dir=place.parent))
-    place.rename(old)
-    staging.rename(place)
-    shutil.rmtree(old, ignore_errors=True)
+    place.rename(old / place.name)
+    try:
+        staging.rename(place)
+    except OSError:
+        (old / place.name).rename(place)
+        raise
+    finally:
+        shutil.rmtree(old, ignore_errors=True)

@@ -112,7 +112,7 @@ def test_existing_output_needs_force_and_force_replaces_only_bundles(tmp_path: P
     assert sorted(path.name for path in bundle.iterdir()) == ["manifest.json", "new.json"]
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "a.jpg").write_bytes(b"x")
-    with pytest.raises(OutputExistsError, match="is not a bundle"):
+    with pytest.raises(OutputExistsError, match="not made by punnet"):
         write_bundle(tmp_path / "photos", files={}, force=True, **DETAILS)
     assert (tmp_path / "photos" / "a.jpg").exists()
 
