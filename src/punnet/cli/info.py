@@ -23,7 +23,6 @@ PACKAGES = (
     "onnxruntime",
     "mujoco",
     "ruckig",
-    "frankik",
     "matplotlib",
 )
 GIBIBYTE = 1024.0**3

