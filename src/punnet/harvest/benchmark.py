@@ -154,12 +154,11 @@ def run_cluster(seed: int, perception: Perception, cluster: ClusterConfig | None
 
 
 def _brief(attempt: Attempt) -> dict[str, Any]:
-    reason = attempt.reason or ""
     return {
         "outcome": attempt.outcome,
         "phase": str(attempt.phase),
         "reason": attempt.reason,
-        "reason_kind": " ".join(word for word in reason.split() if not any(c.isdigit() for c in word)),
+        "reason_kind": (attempt.reason or "").partition(":")[0],
         "estimate_g": None if math.isnan(attempt.estimate) else round(attempt.estimate, 1),
         "weighed_g": None if math.isnan(attempt.weighed) else round(attempt.weighed, 1),
         "picking_point": [round(float(value), 4) for value in attempt.picking_point],

@@ -100,7 +100,7 @@ class Harvester:
                 self._attempt(run, frame, berries, row)
         except KeyboardInterrupt:
             run.interrupted = True
-        except RobotError as error:
+        except (RobotError, KinematicsError) as error:
             run.stopped = str(error)
             self._tell(f"stopped: {error}", None)
         run.punnet_weights = list(self._filler.weights)

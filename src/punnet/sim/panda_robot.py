@@ -126,7 +126,7 @@ class SimulatedPanda:
 
     def _stop_reason(self, commanded: NDArray[np.float64]) -> str | None:
         if self.world.contacts.recent_structure_peak > STRUCTURE_FORCE_LIMIT:
-            return f"pressed on structure with {self.world.contacts.recent_structure_peak:.0f} N"
+            return f"pressed on structure: with {self.world.contacts.recent_structure_peak:.0f} N"
         if np.abs(self.joints() - commanded).max() > _TRACKING_LIMIT:
             return "arm held up: it does not follow its trajectory"
         return None
@@ -219,5 +219,5 @@ def _why_not_cut(states: list[StemState]) -> str:
     nearest = min(held, key=lambda state: state.distance)
     low, high = (1000 * limit for limit in CUT_ABOVE_CALYX)
     if not CUT_ABOVE_CALYX[0] <= nearest.height <= CUT_ABOVE_CALYX[1]:
-        return f"blade {1000 * nearest.height:.0f} mm above the calyx, not {low:.0f}…{high:.0f} mm"
-    return f"blade {1000 * nearest.distance:.0f} mm from the stem"
+        return f"blade at a wrong height: {1000 * nearest.height:.0f} mm above the calyx, not {low:.0f}…{high:.0f} mm"
+    return f"blade off the stem: by {1000 * nearest.distance:.0f} mm"
