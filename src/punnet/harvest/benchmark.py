@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import multiprocessing
+import signal
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -135,6 +137,9 @@ def cluster_seed(seed: int, number: int) -> int:
 
 def run_cluster(seed: int, perception: Perception, cluster: ClusterConfig | None = None) -> ClusterResult:
     """Grow the plant of ``seed``, harvest it, judge it. An error ends this cluster, not the benchmark."""
+    if multiprocessing.parent_process() is not None:
+        # Ctrl-C reaches the workers too; the process that started them ends them, without a traceback each.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
     scenario = Scenario(seed, perception, WorldConfig(cluster or ClusterConfig(), arm_visuals=False))
     try:
         with Session(scenario) as session:
