@@ -32,7 +32,7 @@ format: dev  ## let ruff format and fix what it can
 	@$(RUN) python -m ruff check --fix .
 	@$(RUN) python -m ruff format .
 
-bench: base rendering  ## the quick benchmarks, as tables
+bench: dev rendering  ## the quick benchmarks, as tables
 	@$(RUN) python benchmarks/quick.py
 
 docs: dev  ## the documentation as HTML in site/
