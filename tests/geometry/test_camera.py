@@ -11,13 +11,6 @@ def test_json_round_trip_and_realsense_names():
     assert CameraIntrinsics.from_json(realsense) == camera
 
 
-def test_field_of_view_of_the_image_edges():
-    camera = CameraIntrinsics.from_field_of_view(640, 480, 2.0)
-    import math
-
-    assert math.isclose(2 * math.atan(480 / 2 / camera.fy), 2.0)
-
-
 @pytest.mark.parametrize("field", ["width", "fx", "cy"])
 def test_missing_field_is_named(field):
     data = CameraIntrinsics(640, 480, 615.0, 614.0, 319.5, 239.5).to_json()

@@ -6,9 +6,6 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from punnet.errors import FileFormatError, ShapeError
 
 __all__ = ["CameraIntrinsics"]
@@ -47,17 +44,6 @@ class CameraIntrinsics:
             raise ShapeError(f"camera: focal lengths must be positive pixels, got fx={self.fx}, fy={self.fy}")
         if not (math.isfinite(self.cx) and math.isfinite(self.cy)):
             raise ShapeError(f"camera: principal point must be finite, got ({self.cx}, {self.cy})")
-
-    @classmethod
-    def from_field_of_view(cls, width: int, height: int, vertical_rad: float) -> CameraIntrinsics:
-        """Square pixels, centred principal point, ``vertical_rad`` radians from top edge to bottom edge."""
-        focal = height / (2.0 * math.tan(vertical_rad / 2.0))
-        return cls(width, height, focal, focal, (width - 1) / 2.0, (height - 1) / 2.0)
-
-    @property
-    def matrix(self) -> NDArray[np.float64]:
-        """The 3×3 matrix K with ``[u v 1]ᵀ ∝ K [x y z]ᵀ``."""
-        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
     def to_json(self) -> dict[str, Any]:
         """Plain numbers under the names of the fields."""

@@ -13,6 +13,7 @@ from punnet.sim.flower import make_flower
 from punnet.sim.gloss import FLOWER_GLOSS, STEM_GLOSS
 from punnet.sim.layers import PLANT_VISUAL, TOUCHES_NOTHING
 from punnet.sim.mesh_assets import MeshAsset, add_mesh_asset
+from punnet.sim.orientation import mujoco_quaternion
 
 __all__ = ["add_blossom"]
 
@@ -88,15 +89,13 @@ def _add_head(
     """Set the flower on its stem, facing the light: up and out of the canopy, whatever the stem does."""
     facing = rotation_from_vector((0.0, -rng.uniform(0.5, 1.5), 0.0))
     turned = rotation_from_vector((0.0, 0.0, rng.normal(0.0, 0.7))) @ facing
-    quaternion = np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(turned).ravel())
     spec.worldbody.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_MESH,
         meshname=asset.mesh,
         material=asset.material,
         pos=curve[-1],
-        quat=quaternion,
+        quat=mujoco_quaternion(turned),
         contype=TOUCHES_NOTHING[0],
         conaffinity=TOUCHES_NOTHING[1],
         group=PLANT_VISUAL,

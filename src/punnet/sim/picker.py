@@ -15,6 +15,7 @@ import numpy as np
 from punnet.robot.tool import BLADE_ABOVE_GRIP, T_FLANGE_CAMERA, T_FLANGE_TOOL
 from punnet.sim.arm import FLANGE_BODY
 from punnet.sim.layers import PLANT_VISUAL, TOUCHES_NOTHING, TOUCHES_PLANT_AND_STRUCTURE
+from punnet.sim.orientation import mujoco_quaternion
 
 __all__ = [
     "BLADE_RETRACTED",
@@ -105,8 +106,7 @@ def _add_camera(flange: mujoco.MjsBody) -> None:
             group=PLANT_VISUAL,
         )
     to_opengl = np.diag((1.0, -1.0, -1.0))
-    quaternion = np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, (T_FLANGE_CAMERA[:3, :3] @ to_opengl).ravel())
+    quaternion = mujoco_quaternion(T_FLANGE_CAMERA[:3, :3] @ to_opengl)
     flange.add_camera(name=CAMERA_NAME, pos=position, quat=quaternion)
 
 

@@ -18,6 +18,7 @@ from punnet.sim.gloss import BERRY_GLOSS, CALYX_GLOSS, LEAF_GLOSS, STEM_GLOSS
 from punnet.sim.layers import BERRY, COLLISION_ONLY, PLANT_VISUAL, SOFT_PLANT, TOUCHES_NOTHING
 from punnet.sim.mesh import Mesh
 from punnet.sim.mesh_assets import MeshAsset, add_mesh_asset
+from punnet.sim.orientation import mujoco_quaternion
 from punnet.sim.truss import add_truss
 
 __all__ = ["STUB_PIECES", "PlantedBerry", "add_cluster", "add_leaves"]
@@ -60,7 +61,7 @@ def _add_berry(
     name = f"berry{hanging.index}"
     fruit = hanging.berry
     T = hanging.T_base_berry
-    body = spec.worldbody.add_body(name=name, pos=T[:3, 3], quat=_quaternion(T[:3, :3]))
+    body = spec.worldbody.add_body(name=name, pos=T[:3, 3], quat=mujoco_quaternion(T[:3, :3]))
     # Air and the plant's own tissue take the spin out of a berry; the armature keeps small ones stable at this time step.
     body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_FREE, damping=1e-4, armature=1e-5)
     skin = add_mesh_asset(spec, name, fruit.mesh, fruit.texture, **BERRY_GLOSS)
@@ -172,7 +173,7 @@ def _add_canopy_leaf(
     asset, _ = sizes[rng.integers(len(sizes))]
     _add_petiole(spec.worldbody, name, crown, tip)
     pose = _leaf_pose(azimuth, droop=rng.uniform(-0.1, 0.9), roll=rng.normal(0.0, 0.35))
-    body = spec.worldbody.add_body(name=name, pos=tip, quat=_quaternion(pose))
+    body = spec.worldbody.add_body(name=name, pos=tip, quat=mujoco_quaternion(pose))
     _add_drawn_mesh(body, name, asset)
 
 
@@ -185,7 +186,7 @@ def _add_hanging_leaf(
     asset, size = sizes[rng.integers(len(sizes))]
     _add_petiole(spec.worldbody, name, lip, tip)
     pose = _leaf_pose(azimuth, droop=rng.uniform(0.7, 1.4), roll=rng.normal(0.0, 0.4))
-    body = spec.worldbody.add_body(name=name, pos=tip, quat=_quaternion(pose))
+    body = spec.worldbody.add_body(name=name, pos=tip, quat=mujoco_quaternion(pose))
     for label, axis in (("pitch", (0.0, 1.0, 0.0)), ("roll", (1.0, 0.0, 0.0))):
         body.add_joint(
             name=f"{name}_{label}",
@@ -233,9 +234,3 @@ def _leaf_pose(azimuth: float, *, droop: float, roll: float) -> NDArray[np.float
         @ rotation_from_vector((0.0, droop, 0.0))
         @ rotation_from_vector((roll, 0.0, 0.0))
     )
-
-
-def _quaternion(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    quaternion = np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(rotation).ravel())
-    return quaternion

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from punnet.sim.layers import SCENERY, TOUCHES_NOTHING
 from punnet.sim.mesh_assets import MeshAsset, add_texture_asset
+from punnet.sim.orientation import mujoco_quaternion
 
 __all__ = ["Point", "add_box", "add_card", "add_mesh_geom", "add_painted_material", "add_rod"]
 
@@ -92,14 +93,12 @@ def add_card(
 ) -> None:
     """Add a picture of ``half`` width and height at ``centre``, upright along ``up``, facing right × up."""
     axes = np.stack((right, up, np.cross(right, up)), axis=1)
-    quaternion = np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, axes.ravel())
     spec.worldbody.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=(*half, 0.0008),
         pos=centre,
-        quat=quaternion,
+        quat=mujoco_quaternion(axes),
         material=material,
         contype=TOUCHES_NOTHING[0],
         conaffinity=TOUCHES_NOTHING[1],

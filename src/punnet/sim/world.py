@@ -14,6 +14,7 @@ from punnet.sim.arm import JOINT_NAMES, load_arm
 from punnet.sim.cluster import Cluster, ClusterConfig, grow_cluster
 from punnet.sim.contacts import ContactMonitor
 from punnet.sim.layers import SCENERY, STRUCTURE
+from punnet.sim.orientation import mujoco_quaternion
 from punnet.sim.picker import CAMERA_NAME, GRIP_OPENING, add_picker
 from punnet.sim.plant import PlantedBerry, add_cluster, add_leaves
 from punnet.sim.punnets import add_punnets
@@ -159,8 +160,6 @@ def _set_physics(spec: mujoco.MjSpec) -> None:
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     option.iterations = 60
     option.ls_iterations = 40
-    spec.visual.quality.numslices = 10
-    spec.visual.quality.numstacks = 6
 
 
 def _add_table(spec: mujoco.MjSpec) -> None:
@@ -194,6 +193,4 @@ def _looking_from(
     back /= np.linalg.norm(back)
     right = np.cross((0.0, 0.0, 1.0), back)
     right /= np.linalg.norm(right)
-    quaternion = np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, np.stack((right, np.cross(back, right), back), axis=1).ravel())
-    return quaternion
+    return mujoco_quaternion(np.stack((right, np.cross(back, right), back), axis=1))
