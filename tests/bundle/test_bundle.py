@@ -143,3 +143,17 @@ def test_asking_for_an_unknown_file(bundle: Path) -> None:
         loaded.path("x.json")
     with pytest.raises(BundleError, match="not readable as JSON"):
         loaded.read_json("nets/net.onnx")
+
+
+def test_restriction_and_citation_are_kept_and_may_be_left_out(tmp_path: Path) -> None:
+    said = {"restriction": "non-commercial use only", "citation": "A. Author: Berries, 2020"}
+    manifest = write_bundle(tmp_path / "bound", files={"a.json": {}}, **DETAILS, **said)
+    assert load_bundle(tmp_path / "bound").manifest == manifest
+    assert (manifest.restriction, manifest.citation) == tuple(said.values())
+    path = tmp_path / "bound" / "manifest.json"
+    older = {key: value for key, value in json.loads(path.read_text()).items() if key not in said}
+    path.write_text(json.dumps(older))
+    assert load_bundle(tmp_path / "bound").manifest.restriction == ""
+    change_manifest(tmp_path / "bound", restriction=None)
+    with pytest.raises(BundleError, match="'restriction' must be a text"):
+        load_bundle(tmp_path / "bound")

@@ -15,6 +15,7 @@ __all__ = ["BUNDLE_SCHEMA", "MANIFEST_FILE", "Manifest", "file_sha256"]
 
 BUNDLE_SCHEMA = "punnet-bundle/1"
 MANIFEST_FILE = "manifest.json"
+MAY_BE_LEFT_OUT = frozenset({"restriction", "citation"})
 ALLOWED_SUFFIXES = (".json", ".onnx")
 SHA256 = re.compile(r"[0-9a-f]{64}")
 BUNDLE_NAME = re.compile(r"[a-z0-9][a-z0-9._-]*")
@@ -34,6 +35,11 @@ class Manifest:
         Version of the model itself.
     licence
         SPDX identifier or a sentence on what may be done with it.
+    restriction
+        What must not be done with it, in a few words ("non-commercial use only"); empty if the licence says all.
+        Commands that use the bundle say it.
+    citation
+        What to cite when it is used, empty if nothing.
     created
         ISO 8601 date and time.
     command
@@ -59,6 +65,8 @@ class Manifest:
     licence: str
     created: str
     command: str
+    restriction: str = ""
+    citation: str = ""
     seed: int | None = None
     data: Mapping[str, Any] = field(default_factory=dict)
     results: Mapping[str, Any] = field(default_factory=dict)
@@ -68,6 +76,9 @@ class Manifest:
         for name in ("name", "kind", "version", "licence", "created", "command"):
             if not isinstance(getattr(self, name), str) or not getattr(self, name):
                 raise BundleError(f"bundle manifest: '{name}' must be a text that is not empty")
+        for name in ("restriction", "citation"):
+            if not isinstance(getattr(self, name), str):
+                raise BundleError(f"bundle manifest: '{name}' must be a text")
         if not BUNDLE_NAME.fullmatch(self.name):
             raise BundleError(
                 f"bundle manifest: name {self.name!r} must be lower-case letters, digits, . _ -"
@@ -104,7 +115,7 @@ class Manifest:
             )
         known = {item.name for item in fields(cls)}
         given = {key: value for key, value in data.items() if key != "schema"}
-        missing, unknown = sorted(known - set(given)), sorted(set(given) - known)
+        missing, unknown = sorted(known - MAY_BE_LEFT_OUT - set(given)), sorted(set(given) - known)
         if missing or unknown:
             raise BundleError(f"{where}: fields missing {missing}, unknown {unknown}")
         try:

@@ -24,6 +24,8 @@ def write_bundle(
     files: Mapping[str, Any],
     licence: str,
     command: str,
+    restriction: str = "",
+    citation: str = "",
     seed: int | None = None,
     data: Mapping[str, Any] | None = None,
     results: Mapping[str, Any] | None = None,
@@ -40,7 +42,7 @@ def write_bundle(
     files
         By path inside the bundle: a :class:`~pathlib.Path` is copied, bytes are written as they are, anything
         else is written as JSON. Only ``.json`` and ``.onnx`` are allowed.
-    name, kind, licence, command, seed, data, results, version, created
+    name, kind, licence, command, restriction, citation, seed, data, results, version, created
         See :class:`Manifest`; ``created`` is now if not given.
     force
         Replace an existing bundle.
@@ -61,6 +63,8 @@ def write_bundle(
         "version": version,
         "licence": licence,
         "command": command,
+        "restriction": restriction,
+        "citation": citation,
         "seed": seed,
         "created": created or datetime.now(UTC).isoformat(timespec="seconds"),
         "data": dict(data or {}),

@@ -68,6 +68,7 @@ def _print(bundle: Bundle) -> None:
         ("kind", facts["kind"]),
         ("version", f"{facts['version']} of {facts['created']}"),
         ("licence", facts["licence"]),
+        *((name, facts[name]) for name in ("restriction", "citation") if facts[name]),
         ("size", f"{facts['bytes'] / 1024:.0f} KiB"),
         ("made by", facts["command"]),
         *_flat(facts["results"]),

@@ -1,0 +1,165 @@
+"""From a network's raw detections to :class:`~punnet.scene.Strawberries`, in NumPy and OpenCV alone.
+
+Masks are laid over the image as torchvision's ``paste_masks_in_image`` does, key-points read off as its
+``heatmaps_to_keypoints`` does; tests hold the two against one another.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from punnet.perception.colour import box_around
+from punnet.perception.network import RawDetections
+from punnet.scene import KEYPOINTS, Strawberries, Visibility
+
+__all__ = ["Patch", "decode_detections", "decode_heatmaps", "paste_mask", "without_duplicates"]
+
+_LOG = logging.getLogger(__name__)
+DUPLICATE_IOU = 0.7
+MASK_BYTES = 4_000_000_000
+_RING = 1  # empty cells around a mask, so that its edge may lie inside the region's outermost cells
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """A mask without the empty image around it: ``inside`` (h, w) bool, its first pixel at (top, left)."""
+
+    top: int
+    left: int
+    inside: NDArray[np.bool_]
+
+    @property
+    def area(self) -> int:
+        """Pixels in it."""
+        return int(np.count_nonzero(self.inside))
+
+    def window(self) -> tuple[slice, slice]:
+        """Rows and columns in the image."""
+        height, width = self.inside.shape
+        return slice(self.top, self.top + height), slice(self.left, self.left + width)
+
+
+def paste_mask(
+    probabilities: NDArray[np.float32], region: NDArray[np.float64], size: tuple[int, int], threshold: float
+) -> Patch:
+    """Resample a mask (M, M) over its region (4,) xyxy and cut it at the threshold and the image's edges."""
+    cells = len(probabilities)
+    padded = cv2.copyMakeBorder(probabilities, _RING, _RING, _RING, _RING, cv2.BORDER_CONSTANT, value=0.0)
+    # In single precision, as the network's own framework does it: a pixel more or less is decided by a rounding.
+    region = region.astype(np.float32)
+    half = (region[2:] - region[:2]) * np.float32(0.5) * np.float32((cells + 2 * _RING) / cells)
+    centre = (region[2:] + region[:2]) * np.float32(0.5)
+    u0, v0 = (int(edge) for edge in centre - half)
+    u1, v1 = (int(edge) for edge in centre + half)
+    width, height = max(u1 - u0 + 1, 1), max(v1 - v0 + 1, 1)
+    resampled = np.asarray(cv2.resize(padded, (width, height), interpolation=cv2.INTER_LINEAR))
+    top, left = max(v0, 0), max(u0, 0)
+    bottom, right = min(v0 + height, size[0]), min(u0 + width, size[1])
+    inside = resampled[top - v0 : max(bottom, top) - v0, left - u0 : max(right, left) - u0] > threshold
+    return Patch(top, left, inside)
+
+
+def decode_heatmaps(heatmaps: NDArray[np.float32], regions: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Pixels (N, 5, 2) of the highest places of the maps (N, 5, K, K), enlarged over regions (N, 4) by cubic splines."""
+    points = np.zeros((*heatmaps.shape[:2], 2))
+    for i, region in enumerate(regions):
+        extent = np.maximum(region[2:] - region[:2], np.float32(1.0))
+        width, height = (int(size) for size in np.ceil(extent))
+        maps = np.ascontiguousarray(heatmaps[i].transpose(1, 2, 0))
+        enlarged = np.asarray(cv2.resize(maps, (width, height), interpolation=cv2.INTER_CUBIC))
+        v, u = np.divmod(enlarged.reshape(width * height, -1).argmax(axis=0), width)
+        points[i, :, 0] = (u + 0.5) * (extent[0] / width) + region[0]
+        points[i, :, 1] = (v + 0.5) * (extent[1] / height) + region[1]
+    return points
+
+
+def without_duplicates(patches: list[Patch], labels: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Rows to keep, best first: none that is empty, or of another class and nearly the same pixels as a better one."""
+    areas = np.array([patch.area for patch in patches], dtype=np.int64)
+    kept: list[int] = []
+    for i in np.flatnonzero(areas > 0):
+        rivals = (
+            k
+            for k in kept
+            if labels[k] != labels[i] and DUPLICATE_IOU * areas[k] < areas[i] < areas[k] / DUPLICATE_IOU
+        )
+        if not any(_iou(patches[i], patches[k], areas[i] + areas[k]) > DUPLICATE_IOU for k in rivals):
+            kept.append(int(i))
+    return np.array(kept, dtype=np.int64)
+
+
+def decode_detections(
+    raw: RawDetections, network_size: tuple[int, int], frame_size: tuple[int, int], mask_threshold: float
+) -> Strawberries:
+    """Berries in the frame's own pixels.
+
+    Parameters
+    ----------
+    raw
+        Detections in the pixels of the network's input, best first.
+    network_size
+        (H, W) of the image that was put in, without the padding.
+    frame_size
+        (H, W) of the frame.
+    mask_threshold
+        Probability above which a pixel belongs to the berry.
+    """
+    factor = np.array([frame_size[1] / network_size[1], frame_size[0] / network_size[0]])
+    regions = raw.regions * np.tile(factor, 2)
+    patches = [
+        paste_mask(mask, region, frame_size, mask_threshold)
+        for mask, region in zip(raw.masks, regions, strict=True)
+    ]
+    rows = _fitting(without_duplicates(patches, raw.labels), frame_size)
+    raw = raw[rows]
+    masks = np.zeros((len(rows), *frame_size), dtype=np.bool_)
+    for mask, row in zip(masks, rows, strict=True):
+        mask[patches[row].window()] = patches[row].inside
+    # Pixel centres, not edges, are what key-points are measured from.
+    keypoints = (decode_heatmaps(raw.heatmaps, raw.regions) + 0.5) * factor - 0.5
+    visibility = raw.visibility.argmax(axis=2).astype(np.int64)
+    outside = ((keypoints < -0.5) | (keypoints > np.array(frame_size[::-1]) - 0.5)).any(axis=2)
+    visibility[outside] = Visibility.ABSENT
+    keypoints[visibility == Visibility.ABSENT] = np.nan
+    boxes = raw.boxes * np.tile(factor, 2)
+    return Strawberries(
+        image_size=frame_size,
+        boxes=np.array([box_around(*pair, frame_size) for pair in zip(boxes, keypoints, strict=True)]),
+        scores=np.clip(raw.scores, 0.0, 1.0),
+        classes=raw.labels,
+        masks=masks,
+        keypoints=keypoints.reshape(len(rows), len(KEYPOINTS), 2),
+        visibility=visibility,
+        ripeness=np.clip(raw.ripeness, 0.0, 1.0),
+    )
+
+
+def _fitting(rows: NDArray[np.int64], size: tuple[int, int]) -> NDArray[np.int64]:
+    """As many of the best rows as their full-size masks fit into memory."""
+    most = max(1, MASK_BYTES // (size[0] * size[1]))
+    if len(rows) > most:
+        _LOG.warning(
+            "image of %d×%d: kept the masks of %d of %d berries; give a smaller image",
+            *size[::-1],
+            most,
+            len(rows),
+        )
+    return rows[:most]
+
+
+def _iou(one: Patch, other: Patch, areas: int) -> float:
+    top, left = max(one.top, other.top), max(one.left, other.left)
+    bottom = min(one.window()[0].stop, other.window()[0].stop)
+    right = min(one.window()[1].stop, other.window()[1].stop)
+    if bottom <= top or right <= left:
+        return 0.0
+    shared = np.count_nonzero(
+        one.inside[top - one.top : bottom - one.top, left - one.left : right - one.left]
+        & other.inside[top - other.top : bottom - other.top, left - other.left : right - other.left]
+    )
+    return float(shared / (areas - shared))

@@ -1,0 +1,203 @@
+"""A trained network as a detector: image in, berries out, without PyTorch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from punnet.bundle import Bundle, load_bundle
+from punnet.errors import BundleError, ConfigurationError
+from punnet.perception.decoding import decode_detections
+from punnet.perception.network import Network, Provider, open_network
+from punnet.scene import Frame, Strawberries
+
+__all__ = ["DETECTOR_FILE", "DETECTOR_SCHEMA", "MODEL_FILE", "DetectorSettings", "LearnedDetector", "prepare"]
+
+DETECTOR_SCHEMA = "punnet-detector/1"
+DETECTOR_FILE = "detector.json"
+MODEL_FILE = "model.onnx"
+
+
+@dataclass(frozen=True)
+class DetectorSettings:
+    """``detector.json`` of a bundle of kind ``detector``.
+
+    Parameters
+    ----------
+    backbone
+        Name of the network's trunk.
+    longest_side
+        Pixels; larger images are reduced to it before the network sees them.
+    stride
+        The network's input is padded to multiples of it.
+    mask_threshold
+        Probability above which a pixel belongs to a berry.
+    score_threshold
+        Score from which detections are given, unless the user says otherwise.
+    keypoint_sigmas
+        (5,) fall-off of OKS, one a key-point, that its results were scored with.
+
+    Raises
+    ------
+    BundleError
+        If a value is out of its range.
+    """
+
+    backbone: str
+    longest_side: int
+    stride: int
+    mask_threshold: float
+    score_threshold: float
+    keypoint_sigmas: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        whole = all(
+            isinstance(value, int) and not isinstance(value, bool)
+            for value in (self.longest_side, self.stride)
+        )
+        if not whole or not 1 <= self.stride <= self.longest_side:
+            raise BundleError(
+                f"longest_side and stride must be whole with 1 ≤ stride ≤ longest_side, "
+                f"got {self.longest_side!r} and {self.stride!r}"
+            )
+        for name in ("mask_threshold", "score_threshold"):
+            value = getattr(self, name)
+            if not isinstance(value, int | float) or not 0 <= value < 1:
+                raise BundleError(f"{name} must be a number in [0, 1), got {value!r}")
+        numbers = isinstance(self.keypoint_sigmas, list | tuple) and all(
+            isinstance(value, int | float) and value > 0 for value in self.keypoint_sigmas
+        )
+        if not numbers or len(self.keypoint_sigmas) != 5:
+            raise BundleError(f"keypoint_sigmas must be five positive numbers, got {self.keypoint_sigmas!r}")
+        object.__setattr__(self, "keypoint_sigmas", tuple(float(value) for value in self.keypoint_sigmas))
+        if not isinstance(self.backbone, str):
+            raise BundleError(f"backbone must be a text, got {self.backbone!r}")
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON with the schema's name."""
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        return {"schema": DETECTOR_SCHEMA, **values, "keypoint_sigmas": list(self.keypoint_sigmas)}
+
+    @classmethod
+    def from_json(cls, data: object, *, where: str) -> DetectorSettings:
+        """Read what :meth:`to_json` wrote; further fields are left alone.
+
+        Raises
+        ------
+        BundleError
+            If the schema is unknown, or a field is missing or out of its range.
+        """
+        schema = data.get("schema") if isinstance(data, dict) else None
+        if not isinstance(data, dict) or schema != DETECTOR_SCHEMA:
+            raise BundleError(
+                f"{where}: schema {schema!r} is unknown here; this version reads '{DETECTOR_SCHEMA}': "
+                "update punnet or export the detector again"
+            )
+        missing = [item.name for item in fields(cls) if item.name not in data]
+        if missing:
+            raise BundleError(f"{where}: fields missing {missing}; export the detector again")
+        try:
+            return cls(**{item.name: data[item.name] for item in fields(cls)})
+        except BundleError as error:
+            raise BundleError(f"{where}: {error}") from error
+
+
+class LearnedDetector:
+    """Finds berries with a trained network: masks, five key-points with visibility, class and ripeness at once.
+
+    Parameters
+    ----------
+    network
+        The graph.
+    settings
+        How it wants its images, and what it takes for a berry.
+    name
+        Of the bundle.
+    score_threshold
+        Score from which detections are given; the bundle's own if None.
+
+    Raises
+    ------
+    ConfigurationError
+        If the score threshold is not in [0, 1).
+    """
+
+    def __init__(
+        self, network: Network, settings: DetectorSettings, name: str, score_threshold: float | None = None
+    ) -> None:
+        self.settings = settings
+        self.name = name
+        self.score_threshold = settings.score_threshold if score_threshold is None else score_threshold
+        if not 0 <= self.score_threshold < 1:
+            raise ConfigurationError(f"detector: score_threshold must lie in [0, 1), got {score_threshold}")
+        self._network = network
+
+    @classmethod
+    def from_bundle(
+        cls,
+        bundle: Bundle | str | Path,
+        *,
+        provider: Provider = "cpu",
+        threads: int | None = None,
+        score_threshold: float | None = None,
+    ) -> LearnedDetector:
+        """Load a bundle of kind ``detector``.
+
+        Parameters
+        ----------
+        bundle
+            The bundle, its folder, or the name of one that comes with the package.
+        provider, threads
+            What runs it, see :func:`punnet.perception.network.open_network`.
+        score_threshold
+            Score from which detections are given; the bundle's own if None.
+
+        Raises
+        ------
+        BundleError
+            If a file is missing, damaged or not what the contract asks for.
+        ConfigurationError
+            If the provider is unknown or not installed, or a number is out of range.
+        """
+        if not isinstance(bundle, Bundle):
+            bundle = load_bundle(bundle, kind="detector")
+        settings = DetectorSettings.from_json(
+            bundle.read_json(DETECTOR_FILE), where=str(bundle.path(DETECTOR_FILE))
+        )
+        network = open_network(bundle.path(MODEL_FILE), provider, threads)
+        return cls(network, settings, bundle.name, score_threshold)
+
+    def detect(self, frame: Frame) -> Strawberries:
+        """Berries of ``frame``, best first, in its own pixels; depth is not looked at."""
+        image, size = prepare(frame.rgb, self.settings.longest_side, self.settings.stride)
+        raw = self._network.run(image, self.score_threshold)
+        if len(raw) == 0:
+            return Strawberries.empty((frame.height, frame.width))
+        return decode_detections(raw, size, (frame.height, frame.width), self.settings.mask_threshold)
+
+
+def prepare(
+    rgb: NDArray[np.uint8], longest_side: int, stride: int
+) -> tuple[NDArray[np.uint8], tuple[int, int]]:
+    """Reduce an image (H, W, 3) to the longest side and pad it, right and below, to multiples of the stride.
+
+    Returns
+    -------
+    image
+        (1, H', W', 3) uint8.
+    size
+        (H, W) of the image within, without the padding.
+    """
+    height, width = rgb.shape[:2]
+    scale = min(1.0, longest_side / max(height, width))
+    if scale < 1.0:
+        height, width = max(1, round(height * scale)), max(1, round(width * scale))
+        rgb = np.asarray(cv2.resize(rgb, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    image = np.zeros((1, -(-height // stride) * stride, -(-width // stride) * stride, 3), dtype=np.uint8)
+    image[0, :height, :width] = rgb
+    return image, (height, width)
