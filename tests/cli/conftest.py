@@ -112,10 +112,14 @@ def taken(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="session")
 def frame_options() -> Callable[..., list[str]]:
-    """``--rgb … --depth … --camera …`` of a frame folder, some of them replaced."""
+    """``--rgb … --depth … --camera …`` of a frame folder, some of them replaced.
+
+    The berry is drawn, so the detector is the one that finds what is red.
+    """
 
     def options(folder: Path, **others: Path) -> list[str]:
         files = {"rgb": folder / "rgb.png", "depth": folder / "depth.png", "camera": folder / "camera.json"}
-        return [text for name, path in (files | others).items() for text in (f"--{name}", str(path))]
+        chosen = [text for name, path in (files | others).items() for text in (f"--{name}", str(path))]
+        return [*chosen, "--detector", "colour"]
 
     return options

@@ -37,7 +37,7 @@ def photos(tmp_path: Path, frame_folder: Path, bare_frame_folder: Path) -> Path:
 
 def test_folder_gives_overlays_json_and_coco(punnet, photos: Path, tmp_path: Path) -> None:
     out = tmp_path / "new" / "found"
-    result = punnet("detect", photos, "--out", out, "--json")
+    result = punnet("detect", photos, "--out", out, "--json", "--detector", "colour")
     assert result.code == 0, result.err
     summary = json.loads(result.out)
     assert [(Path(item["photo"]).name, item["berries"] > 0) for item in summary["photos"]] == [
@@ -54,7 +54,8 @@ def test_folder_gives_overlays_json_and_coco(punnet, photos: Path, tmp_path: Pat
 
 
 def test_one_photograph_without_berries_is_no_error(punnet, bare_frame_folder: Path, tmp_path: Path) -> None:
-    result = punnet("detect", bare_frame_folder / "rgb.png", "--out", tmp_path / "out")
+    photo = bare_frame_folder / "rgb.png"
+    result = punnet("detect", photo, "--out", tmp_path / "out", "--detector", "colour")
     assert result.code == 0
     assert "0 berries in 1 photographs" in result.out
 

@@ -3,7 +3,7 @@ import json
 import pytest
 from scipy.stats import binomtest
 
-from punnet.errors import ConfigurationError
+from punnet.errors import BundleError, ConfigurationError
 from punnet.harvest.benchmark import (
     BenchmarkResult,
     ClusterResult,
@@ -82,6 +82,11 @@ def test_clusters_of_two_benchmarks_differ():
 def test_counts_are_checked():
     with pytest.raises(ConfigurationError, match="clusters and workers"):
         run_benchmark(0, 1)
+
+
+def test_a_detector_that_cannot_be_had_ends_it_at_once():
+    with pytest.raises(BundleError, match="eyes-closed"):
+        run_benchmark(2, 5, perception="eyes-closed")
 
 
 def test_workers_make_no_difference():

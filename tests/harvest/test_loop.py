@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from punnet.errors import ConfigurationError, PlanningError
+from punnet.errors import BundleError, ConfigurationError, PlanningError
 from punnet.harvest.attempts import Outcome, Phase
 from punnet.harvest.config import HarvestConfig
 from punnet.harvest.scenario import Scenario, Session
 from punnet.movement import JointTrajectory
+from punnet.perception.choosing import SIMULATION_DETECTOR
 from punnet.robot import CutResult, GripResult, MotionResult
 from punnet.sim.berry import RipenessStage
 from punnet.sim.cluster import ClusterConfig
@@ -27,7 +28,7 @@ def a_session(seed=2, perception="oracle", **harvest):
     return Session(Scenario(seed, perception, world, HarvestConfig(**harvest)))
 
 
-@pytest.fixture(scope="module", params=["oracle", "colour"])
+@pytest.fixture(scope="module", params=["oracle", *sorted({"colour", SIMULATION_DETECTOR})])
 def harvested(request):
     with a_session(perception=request.param) as session:
         yield session, session.run()
@@ -146,5 +147,5 @@ def test_impossible_settings_are_refused(bad):
 def test_impossible_scenarios_are_refused():
     with pytest.raises(ConfigurationError, match="seed"):
         Scenario(-1)
-    with pytest.raises(ConfigurationError, match="perception"):
-        Scenario(1, "eyes closed")
+    with pytest.raises(BundleError, match="eyes closed"):
+        Session(Scenario(1, "eyes closed"))

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from punnet.cli.console import note, print_json, print_table, progress_bar
-from punnet.cli.options import Json, Oracle, Seed
-
-if TYPE_CHECKING:
-    from punnet.harvest.scenario import Perception
+from punnet.cli.eyes import perception_in_simulation
+from punnet.cli.options import DetectorName, Json, Oracle, Seed
 
 __all__ = ["register"]
 
@@ -30,6 +28,7 @@ def harvest(
     clusters: Annotated[int, typer.Option("--clusters", min=1, help="How many plants to harvest.")] = 20,
     seed: Seed = 0,
     workers: Annotated[int, typer.Option("--workers", min=1, help="Processes side by side.")] = 2,
+    detector: DetectorName = None,
     oracle: Oracle = False,
     as_json: Json = False,
 ) -> None:
@@ -40,7 +39,7 @@ def harvest(
     """
     from punnet.harvest.benchmark import BenchmarkResult, ClusterResult, run_benchmark
 
-    perception: Perception = "oracle" if oracle else "colour"
+    perception = perception_in_simulation(detector, oracle=oracle)
     done: list[ClusterResult] = []
     with progress_bar("harvesting", clusters) as advance:
 

@@ -8,7 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from punnet.cli.console import film_progress, print_json, say, whisper
-from punnet.cli.options import Force, Json, Oracle, OutFolder, Seed
+from punnet.cli.eyes import perception_in_simulation
+from punnet.cli.options import DetectorName, Force, Json, Oracle, OutFolder, Seed
 
 __all__ = ["register"]
 
@@ -26,25 +27,27 @@ def demo(
     out: Annotated[
         Path, typer.Option("--out", "-o", help="Folder for the report, the film and the data.")
     ] = Path("punnet-demo"),
+    detector: DetectorName = None,
     force: Force = False,
 ) -> None:
     """Harvest one plant in the simulator and write a report with a film.
 
     The folder holds report.html, harvest.mp4, first_view.png, reach.png, harvest.json and the first RGB-D frame.
     """
-    report = _harvest(seed, "colour", out, force)
+    report = _harvest(seed, perception_in_simulation(detector), out, force)
     _tell(report, out)
 
 
 def harvest(
     out: OutFolder,
     seed: Seed = 0,
+    detector: DetectorName = None,
     oracle: Oracle = False,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Harvest the plant of a seed in the simulator; like demo, for any plant, and for machines to read."""
-    report = _harvest(seed, "oracle" if oracle else "colour", out, force)
+    report = _harvest(seed, perception_in_simulation(detector, oracle=oracle), out, force)
     if as_json:
         print_json({"out": str(out), **report.to_json()})
     else:
@@ -53,7 +56,7 @@ def harvest(
         raise typer.Exit(1)
 
 
-def _harvest(seed: int, perception: Any, out: Path, force: bool) -> Any:
+def _harvest(seed: int, perception: str, out: Path, force: bool) -> Any:
     from punnet.harvest.scenario import Scenario
     from punnet.harvest.session_folder import Announcer, harvest_into
     from punnet.outputs import OutputFolder

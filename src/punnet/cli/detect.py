@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from punnet.cli.console import note, print_json, print_table, say, track
-from punnet.cli.options import Force, Json, OutFolder
+from punnet.cli.eyes import detector_for_photographs
+from punnet.cli.options import DetectorName, Force, Json, OutFolder
 
 __all__ = ["register"]
 
@@ -22,9 +22,17 @@ def register(app: typer.Typer) -> None:
 def detect(
     photos: Annotated[Path, typer.Argument(help="A photograph, or a folder of them.", show_default=False)],
     out: OutFolder,
+    detector: DetectorName = None,
     score: Annotated[
-        float, typer.Option("--score", min=0.0, max=0.999, help="Leave out detections less sure than this.")
-    ] = 0.2,
+        float | None,
+        typer.Option(
+            "--score",
+            min=0.0,
+            max=0.999,
+            help="Leave out detections less sure than this; the detector has its own default.",
+            show_default=False,
+        ),
+    ] = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
@@ -34,14 +42,14 @@ def detect(
     read is left out, said so, and makes the exit code 1.
     """
     from punnet.outputs import OutputFolder
-    from punnet.perception import ColourConfig, ColourDetector
+    from punnet.perception import ColourConfig
     from punnet.perception.batch import detect_photos, list_photos
 
     chosen = list_photos(photos)
-    detector = ColourDetector(replace(ColourConfig.for_photographs(), score=score))
+    eyes = detector_for_photographs(detector, score=score, colour=ColourConfig.for_photographs())
     with OutputFolder(out, force=force) as output:
         results = []
-        for result in track(detect_photos(chosen, detector, output), len(chosen), "detecting"):
+        for result in track(detect_photos(chosen, eyes, output), len(chosen), "detecting"):
             results.append(result)
             if result.error is not None:
                 note(f"left out: {result.error}")

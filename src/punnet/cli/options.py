@@ -7,7 +7,17 @@ from typing import Annotated
 
 import typer
 
-__all__ = ["CameraFile", "DepthFile", "Force", "Json", "Oracle", "OutFolder", "RgbFile", "Seed"]
+__all__ = [
+    "CameraFile",
+    "DepthFile",
+    "DetectorName",
+    "Force",
+    "Json",
+    "Oracle",
+    "OutFolder",
+    "RgbFile",
+    "Seed",
+]
 
 OutFolder = Annotated[
     Path,
@@ -21,6 +31,14 @@ Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything ran
 Oracle = Annotated[
     bool,
     typer.Option("--oracle", help="True poses and weights in place of perception: what it could do at best."),
+]
+DetectorName = Annotated[
+    str | None,
+    typer.Option(
+        "--detector",
+        help="A model's name (see punnet models) or folder, or: colour. Without it the one that suits the pictures.",
+        show_default=False,
+    ),
 ]
 RgbFile = Annotated[Path, typer.Option("--rgb", help="Photograph, PNG or JPEG.", show_default=False)]
 DepthFile = Annotated[

@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from punnet.cli.console import print_json, say
-from punnet.cli.options import CameraFile, DepthFile, Force, Json, RgbFile
+from punnet.cli.eyes import detector_for_photographs
+from punnet.cli.options import CameraFile, DepthFile, DetectorName, Force, Json, RgbFile
 from punnet.errors import ConfigurationError
 
 __all__ = ["register"]
@@ -25,6 +26,7 @@ def plan(
     rgb: RgbFile,
     depth: DepthFile,
     camera: CameraFile,
+    detector: DetectorName = None,
     target: Annotated[
         str | None,
         typer.Option(
@@ -51,7 +53,6 @@ def plan(
     Where the camera file has no T_base_camera, the camera is taken to sit on the flange at --start.
     """
     from punnet.outputs import OutputFolder
-    from punnet.perception import ColourDetector
     from punnet.perception.picking_points import locate_picking_points
     from punnet.planning import ProMPDepthPlanner
     from punnet.planning.export import timed_mean, write_plan
@@ -63,7 +64,8 @@ def plan(
     box = None if target is None else _numbers(target, 4, "--target")
     planner = ProMPDepthPlanner.from_bundle()
     frame = as_seen_from(Frame.from_files(rgb, depth=depth, camera=camera), joints, planner.arm)
-    berry = choose_target(locate_picking_points(frame, ColourDetector().detect(frame)), box)
+    berries = locate_picking_points(frame, detector_for_photographs(detector).detect(frame))
+    berry = choose_target(berries, box)
     distribution = planner.plan(frame, berry, joints)
     trajectory = timed_mean(distribution, planner.arm.limits)
     if out is not None:

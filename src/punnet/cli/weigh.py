@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from punnet.cli.console import note, print_json, print_table
-from punnet.cli.options import CameraFile, DepthFile, Force, Json, RgbFile
+from punnet.cli.eyes import detector_for_photographs
+from punnet.cli.options import CameraFile, DepthFile, DetectorName, Force, Json, RgbFile
 
 if TYPE_CHECKING:
     from punnet.scene import Frame, Strawberries
@@ -29,6 +30,7 @@ def weigh(
     rgb: RgbFile,
     depth: DepthFile,
     camera: CameraFile,
+    detector: DetectorName = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for overlay.png and strawberries.json.")
     ] = None,
@@ -37,12 +39,11 @@ def weigh(
 ) -> None:
     """Weigh berries by eye: grams with an interval, from colour, depth and the camera."""
     from punnet.outputs import OutputFolder
-    from punnet.perception import ColourDetector
     from punnet.scene import Frame
     from punnet.weight import EllipsoidEstimator
 
     frame = Frame.from_files(rgb, depth=depth, camera=camera)
-    berries = ColourDetector().detect(frame)
+    berries = detector_for_photographs(detector).detect(frame)
     estimates = EllipsoidEstimator().estimate(frame, berries)
     berries = berries.with_fields(weights=estimates.grams, weight_intervals=estimates.intervals)
     if out is not None:

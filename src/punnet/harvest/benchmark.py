@@ -16,7 +16,9 @@ from joblib import Parallel, delayed
 from punnet.errors import ConfigurationError, PunnetError
 from punnet.harvest.attempts import Attempt, Outcome
 from punnet.harvest.judge import Fate
-from punnet.harvest.scenario import Perception, Scenario, Session
+from punnet.harvest.scenario import ORACLE, Scenario, Session
+from punnet.perception import load_detector
+from punnet.perception.choosing import SIMULATION_DETECTOR
 from punnet.sim.cluster import ClusterConfig
 from punnet.sim.world import WorldConfig
 
@@ -135,7 +137,7 @@ def cluster_seed(seed: int, number: int) -> int:
     return int(np.random.SeedSequence((seed, number)).generate_state(1)[0])
 
 
-def run_cluster(seed: int, perception: Perception, cluster: ClusterConfig | None = None) -> ClusterResult:
+def run_cluster(seed: int, perception: str, cluster: ClusterConfig | None = None) -> ClusterResult:
     """Grow the plant of ``seed``, harvest it, judge it. An error ends this cluster, not the benchmark."""
     if multiprocessing.parent_process() is not None:
         # Ctrl-C reaches the workers too; the process that started them ends them, without a traceback each.
@@ -176,7 +178,7 @@ def run_benchmark(
     seed: int,
     *,
     workers: int = 1,
-    perception: Perception = "colour",
+    perception: str = SIMULATION_DETECTOR,
     cluster: ClusterConfig | None = None,
     progress: Callable[[ClusterResult], None] | None = None,
 ) -> BenchmarkResult:
@@ -184,15 +186,24 @@ def run_benchmark(
 
     Parameters
     ----------
+    perception
+        A detector's name or folder, or ``oracle``; see :class:`Scenario`.
     workers
         Processes; joblib's default back end, so another one can be set around this call.
     cluster
         The kind of plant; the demo's if None.
     progress
         Told of each cluster as it is done.
+
+    Raises
+    ------
+    BundleError
+        If the detector can't be had.
     """
     if clusters < 1 or workers < 1:
         raise ConfigurationError(f"benchmark: clusters and workers must be ≥ 1, got {clusters} and {workers}")
+    if perception != ORACLE:
+        load_detector(perception)  # else every single cluster would say that it can't be had
     jobs = (
         delayed(run_cluster)(cluster_seed(seed, number), perception, cluster) for number in range(clusters)
     )

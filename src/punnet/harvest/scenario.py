@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from types import TracebackType
-from typing import Literal
 
 import numpy as np
 
@@ -13,7 +12,8 @@ from punnet.harvest.attempts import Attempt, HarvestRun
 from punnet.harvest.config import HarvestConfig
 from punnet.harvest.judge import Fate, judge, reachable_berries
 from punnet.harvest.loop import Harvester, Listener
-from punnet.perception import ColourDetector
+from punnet.perception import load_detector
+from punnet.perception.choosing import SIMULATION_DETECTOR
 from punnet.planning import ProMPDepthPlanner
 from punnet.sim.depth_sensor import StereoDepthModel
 from punnet.sim.oracle import OracleDetector, OracleScale
@@ -22,9 +22,10 @@ from punnet.sim.punnets import PUNNET_PLACES
 from punnet.sim.world import WorldConfig, build_world
 from punnet.weight import EllipsoidEstimator
 
-__all__ = ["Perception", "Scenario", "Session"]
+__all__ = ["ORACLE", "Scenario", "Session"]
 
-Perception = Literal["colour", "oracle"]
+ORACLE = "oracle"
+"""The truth in place of a detector and a scale."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,8 @@ class Scenario:
     seed
         Of the plant and of the sensors' noise.
     perception
-        ``colour``: the classical detector and scale on the noisy camera; ``oracle``: the truth in their place.
+        A detector as :func:`punnet.perception.load_detector` takes it, on the noisy camera; ``oracle``: the truth in the
+        place of detector and scale.
     world
         What is grown.
     harvest
@@ -44,15 +46,13 @@ class Scenario:
     """
 
     seed: int
-    perception: Perception = "colour"
+    perception: str = SIMULATION_DETECTOR
     world: WorldConfig = field(default_factory=WorldConfig)
     harvest: HarvestConfig = field(default_factory=HarvestConfig)
 
     def __post_init__(self) -> None:
         if self.seed < 0:
             raise ConfigurationError(f"seed must be ≥ 0, got {self.seed}")
-        if self.perception not in ("colour", "oracle"):
-            raise ConfigurationError(f"perception must be 'colour' or 'oracle', got '{self.perception}'")
 
 
 class Session:
@@ -63,15 +63,16 @@ class Session:
         self._listener = listener
         self.truth_of: dict[int, float] = {}
         """True grams of what each attempt brought off the plant, by its number."""
+        # First of all: a detector that can't be had is found out before a plant is grown.
+        detector = None if scenario.perception == ORACLE else load_detector(scenario.perception)
         self.world = build_world(scenario.seed, scenario.world)
         self.reachable = reachable_berries(self.world)
         noise = np.random.default_rng((scenario.seed, 1))
         self.robot = SimulatedPanda(self.world, noise, StereoDepthModel())
-        oracle = scenario.perception == "oracle"
         self.harvester = Harvester(
             self.robot,
-            OracleDetector(self.robot) if oracle else ColourDetector(),
-            OracleScale() if oracle else EllipsoidEstimator(),
+            OracleDetector(self.robot) if detector is None else detector,
+            OracleScale() if detector is None else EllipsoidEstimator(),
             ProMPDepthPlanner.from_bundle(),
             PUNNET_PLACES,
             scenario.harvest,

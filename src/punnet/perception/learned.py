@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from punnet.bundle import Bundle, load_bundle
+from punnet.bundle import Bundle, Manifest, load_bundle
 from punnet.errors import BundleError, ConfigurationError
 from punnet.perception.decoding import decode_detections
 from punnet.perception.network import Network, Provider, open_network
@@ -116,8 +116,8 @@ class LearnedDetector:
         The graph.
     settings
         How it wants its images, and what it takes for a berry.
-    name
-        Of the bundle.
+    manifest
+        Of the bundle: name, licence, results.
     score_threshold
         Score from which detections are given; the bundle's own if None.
 
@@ -128,10 +128,15 @@ class LearnedDetector:
     """
 
     def __init__(
-        self, network: Network, settings: DetectorSettings, name: str, score_threshold: float | None = None
+        self,
+        network: Network,
+        settings: DetectorSettings,
+        manifest: Manifest,
+        score_threshold: float | None = None,
     ) -> None:
         self.settings = settings
-        self.name = name
+        self.manifest = manifest
+        self.name = manifest.name
         self.score_threshold = settings.score_threshold if score_threshold is None else score_threshold
         if not 0 <= self.score_threshold < 1:
             raise ConfigurationError(f"detector: score_threshold must lie in [0, 1), got {score_threshold}")
@@ -170,7 +175,7 @@ class LearnedDetector:
             bundle.read_json(DETECTOR_FILE), where=str(bundle.path(DETECTOR_FILE))
         )
         network = open_network(bundle.path(MODEL_FILE), provider, threads)
-        return cls(network, settings, bundle.name, score_threshold)
+        return cls(network, settings, bundle.manifest, score_threshold)
 
     def detect(self, frame: Frame) -> Strawberries:
         """Berries of ``frame``, best first, in its own pixels; depth is not looked at."""

@@ -37,10 +37,21 @@ def read_image(path: str | Path) -> NDArray[np.uint8]:
         encoded = np.frombuffer(path.read_bytes(), dtype=np.uint8)
     except OSError as error:
         raise FileFormatError(f"{path}: can't be read ({error.strerror})") from error
-    image = cv2.imdecode(encoded, cv2.IMREAD_COLOR) if encoded.size else None
+    image = _decode(encoded, cv2.IMREAD_COLOR)
     if image is None:
-        raise FileFormatError(f"{path}: not an image, or damaged; give a PNG or JPEG")
+        raise FileFormatError(f"{path}: not an image, damaged, or far too large; give a PNG or JPEG")
     return np.ascontiguousarray(image[:, :, ::-1])
+
+
+def _decode(encoded: NDArray[np.uint8], flags: int) -> NDArray[Any] | None:
+    """Decoded image, None if it can't be; OpenCV's own words about it are kept off the terminal."""
+    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        return cv2.imdecode(encoded, flags) if encoded.size else None
+    except cv2.error:  # a header that promises more pixels than OpenCV handles
+        return None
+    finally:
+        cv2.utils.logging.setLogLevel(level)
 
 
 def _require_file(path: Path, what: str) -> None:
@@ -210,7 +221,7 @@ def _write_png(path: Path, image: NDArray[Any]) -> None:
 def _read_depth_counts(path: Path) -> NDArray[np.uint16]:
     _require_file(path, "a 16-bit depth PNG")
     encoded = np.frombuffer(path.read_bytes(), dtype=np.uint8)
-    image = cv2.imdecode(encoded, cv2.IMREAD_UNCHANGED) if encoded.size else None
+    image = _decode(encoded, cv2.IMREAD_UNCHANGED)
     if image is None:
         raise FileFormatError(f"{path}: not an image, or damaged; a 16-bit depth PNG is needed")
     if image.dtype != np.uint16 or image.ndim != 2:
