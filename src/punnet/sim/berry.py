@@ -11,10 +11,19 @@ from numpy.typing import NDArray
 
 from punnet.errors import ConfigurationError
 from punnet.sim.berry_shape import BerryForm, BerryShape, draw_shape
-from punnet.sim.berry_texture import paint_berry
+from punnet.sim.berry_texture import STAGE_SKINS, Skin, paint_berry
 from punnet.sim.mesh import Mesh
 
-__all__ = ["Berry", "BerryForm", "RipenessStage", "make_berry"]
+__all__ = [
+    "FORM_SHARES",
+    "Berry",
+    "BerryForm",
+    "RipenessStage",
+    "assemble_berry",
+    "draw_density",
+    "draw_mass",
+    "make_berry",
+]
 
 MEAN_MASS, MASS_SPREAD, MASS_RANGE = 18.6, 5.7, (4.8, 38.9)
 """Grams: mean, standard deviation and range of 368 weighed table-top berries (Tafuro et al., ICRA 2022)."""
@@ -24,7 +33,8 @@ _MEAN_DENSITY, _DENSITY_SPREAD, _DENSITY_RANGE = (
     0.03,
     (0.85, 1.0),
 )  # g/cm³; fruits float, hollow ones high
-_FORM_SHARES = {BerryForm.CONIC: 0.6, BerryForm.GLOBOSE: 0.22, BerryForm.WEDGE: 0.18}
+FORM_SHARES = {BerryForm.CONIC: 0.6, BerryForm.GLOBOSE: 0.22, BerryForm.WEDGE: 0.18}
+"""How often each shape class grows."""
 
 
 class RipenessStage(IntEnum):
@@ -35,21 +45,27 @@ class RipenessStage(IntEnum):
     TURNING = 2
     RIPE = 3
     OVERRIPE = 4
+    ROTTEN = 5
 
     @property
     def ripeness(self) -> float:
         """Share of the surface that is red, 0 to 1; what :attr:`Strawberries.ripeness` holds."""
-        return (0.0, 0.1, 0.5, 0.95, 1.0)[self]
+        return (0.0, 0.1, 0.5, 0.95, 1.0, 1.0)[self]
 
     @property
     def pluckable(self) -> bool:
         """Whether it is picked: ripe, and over-ripe too, for left on the plant it rots and spreads mould."""
-        return self >= RipenessStage.RIPE
+        return self in (RipenessStage.RIPE, RipenessStage.OVERRIPE)
 
 
 # Length in metres of berries that still grow; later stages are drawn by mass, turning ones a little lighter.
 _GROWING_LENGTHS = {RipenessStage.GREEN: (0.014, 0.028), RipenessStage.WHITE: (0.024, 0.036)}
-_MASS_SHARE = {RipenessStage.TURNING: 0.85, RipenessStage.RIPE: 1.0, RipenessStage.OVERRIPE: 1.0}
+_MASS_SHARE = {
+    RipenessStage.TURNING: 0.85,
+    RipenessStage.RIPE: 1.0,
+    RipenessStage.OVERRIPE: 1.0,
+    RipenessStage.ROTTEN: 0.9,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +88,12 @@ class Berry:
         Grams per cubic centimetre.
     centre, semi_axes
         (3,) each: the ellipsoid, along the axes, with the berry's centre of volume and second moments.
-    shape, scale, paint_seed
+    shape, scale, skin, paint_seed
         What :attr:`texture` is painted from.
+    ripeness
+        Share of the skin that is red, 0 to 1.
+    calyx_size
+        Size of the calyx against the usual one for a fruit of this width.
     keypoints
         ``top``, ``bottom``, ``left_grasp`` (widest point towards −x) and ``right_grasp``, each (3,).
     """
@@ -90,13 +110,16 @@ class Berry:
     semi_axes: NDArray[np.float64]
     shape: BerryShape
     scale: float
+    skin: Skin
+    ripeness: float
+    calyx_size: float
     paint_seed: int
     keypoints: dict[str, NDArray[np.float64]]
 
     @cached_property
     def texture(self) -> NDArray[np.uint8]:
         """The skin, uint8 (256, 256, 3); painted on first use, as more berries are tried than kept."""
-        return paint_berry(np.random.default_rng(self.paint_seed), self.shape, self.scale, int(self.stage))
+        return paint_berry(np.random.default_rng(self.paint_seed), self.shape, self.scale, self.skin)
 
     @property
     def mass(self) -> float:
@@ -135,12 +158,41 @@ def make_berry(
     if length is not None and not 0.005 <= length <= 0.09:
         raise ConfigurationError(f"make_berry: length must be 0.005…0.09 m, got {length}")
     if form is None:
-        forms = list(_FORM_SHARES)
-        form = forms[rng.choice(len(forms), p=list(_FORM_SHARES.values()))]
+        forms = list(FORM_SHARES)
+        form = forms[rng.choice(len(forms), p=list(FORM_SHARES.values()))]
     shape = draw_shape(rng, form)
     unit = shape.mesh()
-    density = float(np.clip(rng.normal(_MEAN_DENSITY, _DENSITY_SPREAD), *_DENSITY_RANGE))
+    density = draw_density(rng)
     scale = _draw_scale(rng, stage, unit, density, length)
+    return assemble_berry(
+        shape,
+        scale,
+        stage,
+        form=form,
+        density=density,
+        skin=STAGE_SKINS[stage],
+        ripeness=stage.ripeness,
+        paint_seed=int(rng.integers(2**63)),
+    )
+
+
+def assemble_berry(
+    shape: BerryShape,
+    scale: float,
+    stage: RipenessStage,
+    *,
+    form: BerryForm,
+    density: float,
+    skin: Skin,
+    ripeness: float,
+    paint_seed: int,
+    calyx_size: float = 1.0,
+) -> Berry:
+    """Put a berry together from all that there is to choose; draws nothing.
+
+    ``scale`` is metres for one unit of ``shape``; ``density`` is in g/cm³.
+    """
+    unit = shape.mesh()
     mesh = Mesh(unit.vertices * scale, unit.faces, unit.uv)
     centre, semi_axes = _fitted_ellipsoid(mesh)
     extent = np.ptp(mesh.vertices, axis=0)
@@ -157,9 +209,25 @@ def make_berry(
         semi_axes=semi_axes,
         shape=shape,
         scale=scale,
-        paint_seed=int(rng.integers(2**63)),
+        skin=skin,
+        ripeness=ripeness,
+        calyx_size=calyx_size,
+        paint_seed=paint_seed,
         keypoints=_keypoints(shape, mesh, scale),
     )
+
+
+def draw_density(rng: np.random.Generator) -> float:
+    """Draw a berry's density, g/cm³."""
+    return float(np.clip(rng.normal(_MEAN_DENSITY, _DENSITY_SPREAD), *_DENSITY_RANGE))
+
+
+def draw_mass(rng: np.random.Generator) -> float:
+    """Draw a ripe berry's grams from the measured distribution, 18.6 ± 5.7 g within 4.8…38.9 g."""
+    mass = rng.normal(MEAN_MASS, MASS_SPREAD)
+    while not MASS_RANGE[0] <= mass <= MASS_RANGE[1]:
+        mass = rng.normal(MEAN_MASS, MASS_SPREAD)
+    return float(mass)
 
 
 def _draw_scale(
@@ -171,10 +239,7 @@ def _draw_scale(
         length = float(rng.uniform(*_GROWING_LENGTHS[stage]))
     if length is not None:
         return length / unit_length
-    mass = rng.normal(MEAN_MASS, MASS_SPREAD)
-    while not MASS_RANGE[0] <= mass <= MASS_RANGE[1]:
-        mass = rng.normal(MEAN_MASS, MASS_SPREAD)
-    return float(np.cbrt(mass * _MASS_SHARE[stage] * 1e-6 / density / unit.volume))
+    return float(np.cbrt(draw_mass(rng) * _MASS_SHARE[stage] * 1e-6 / density / unit.volume))
 
 
 def _fitted_ellipsoid(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

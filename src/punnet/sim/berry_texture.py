@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from punnet.sim.berry_shape import BerryShape
 from punnet.sim.noise import tiling_noise
 
-__all__ = ["TEXTURE_SIZE", "paint_berry"]
+__all__ = ["STAGE_SKINS", "TEXTURE_SIZE", "Skin", "paint_berry"]
 
 TEXTURE_SIZE = 256
 _SHAPE = (TEXTURE_SIZE, TEXTURE_SIZE)
@@ -20,8 +20,24 @@ _Colour = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class _Palette:
-    """One stage: colours (RGB 0–255) of flesh before and after reddening and of achenes; red share; depth."""
+class Skin:
+    """What a berry's skin looks like.
+
+    Parameters
+    ----------
+    pale, flesh, achene
+        Colours (RGB 0–255) of the flesh before and after reddening, and of the achenes.
+    red
+        How far up from the tip the skin is red, 0 to 1.
+    gloss
+        Strength of the small painted reflections.
+    dimple
+        How much darker the dimples of the achenes are.
+    sunny
+        How much further the red reaches on the sunny side, in berry lengths.
+    rot
+        Share of the skin under brown rot and grey mould.
+    """
 
     pale: _Colour
     flesh: _Colour
@@ -29,18 +45,22 @@ class _Palette:
     red: float
     gloss: float
     dimple: float
+    sunny: float = 0.16
+    rot: float = 0.0
 
 
-_PALETTES = (
-    _Palette((190, 196, 112), (190, 196, 112), (206, 172, 74), 0.0, 0.2, 0.34),
-    _Palette((226, 216, 158), (226, 216, 158), (196, 140, 70), 0.04, 0.22, 0.30),
-    _Palette((240, 208, 142), (222, 50, 32), (220, 160, 78), 0.6, 0.5, 0.28),
-    _Palette((232, 110, 64), (214, 20, 24), (228, 168, 70), 0.96, 0.9, 0.32),
-    _Palette((150, 18, 22), (112, 6, 16), (176, 120, 54), 1.0, 0.55, 0.30),
+STAGE_SKINS = (
+    Skin((190, 196, 112), (190, 196, 112), (206, 172, 74), 0.0, 0.2, 0.34),
+    Skin((226, 216, 158), (226, 216, 158), (196, 140, 70), 0.04, 0.22, 0.30),
+    Skin((240, 208, 142), (222, 50, 32), (220, 160, 78), 0.6, 0.5, 0.28),
+    Skin((232, 110, 64), (214, 20, 24), (228, 168, 70), 0.96, 0.9, 0.32),
+    Skin((150, 18, 22), (112, 6, 16), (176, 120, 54), 1.0, 0.55, 0.30),
+    Skin((150, 18, 22), (112, 14, 18), (150, 104, 56), 1.0, 0.15, 0.30, rot=0.5),
 )
+"""The skin of each ripeness stage, from green to rotten."""
 
 
-def paint_berry(rng: np.random.Generator, shape: BerryShape, scale: float, stage: int) -> NDArray[np.uint8]:
+def paint_berry(rng: np.random.Generator, shape: BerryShape, scale: float, skin: Skin) -> NDArray[np.uint8]:
     """Paint the texture (256, 256, 3) of :meth:`BerryShape.mesh`: row θ/π from the calyx, column φ/2π.
 
     Parameters
@@ -49,17 +69,18 @@ def paint_berry(rng: np.random.Generator, shape: BerryShape, scale: float, stage
         Source of randomness.
     shape, scale
         The surface and metres per unit of it: achenes are placed evenly on the real surface.
-    stage
-        Index of the ripeness stage, 0 green to 4 over-ripe.
+    skin
+        Its colours and marks; :data:`STAGE_SKINS` has one for each stage.
     """
-    palette = _PALETTES[stage]
     theta, phi = _texel_angles()
     points = (shape.surface(theta, phi) * scale * 1000.0).astype(np.float32)  # millimetres
     achenes = _locate_achenes(rng, shape, scale, points)
-    colour = _flesh_colour(rng, palette, theta, phi)
-    colour = _dimpled(colour, achenes, palette)
-    colour = _with_glints(rng, colour, achenes, palette, theta)
-    colour = _with_achenes(rng, colour, achenes, palette)
+    colour = _flesh_colour(rng, skin, theta, phi)
+    colour = _dimpled(colour, achenes, skin)
+    colour = _with_glints(rng, colour, achenes, skin, theta)
+    colour = _with_achenes(rng, colour, achenes, skin)
+    if skin.rot > 0:
+        colour = _with_rot(rng, colour, skin.rot)
     return np.asarray(np.clip(colour, 0.0, 255.0), dtype=np.uint8)
 
 
@@ -121,24 +142,24 @@ def _locate_achenes(
 
 
 def _flesh_colour(
-    rng: np.random.Generator, palette: _Palette, theta: NDArray[np.float64], phi: NDArray[np.float64]
+    rng: np.random.Generator, skin: Skin, theta: NDArray[np.float64], phi: NDArray[np.float64]
 ) -> NDArray[np.float32]:
     """Flesh (H, W, 3) in 0–255: red from the tip up and stronger on the sunny side, pale under the calyx."""
     sunny = np.cos(phi - rng.uniform(0.0, 2.0 * np.pi))
-    height = (theta / np.pi + 0.16 * sunny).astype(np.float32) + 0.05 * tiling_noise(rng, _SHAPE, 14.0)
-    edge = 1.02 - 1.05 * palette.red
+    height = (theta / np.pi + skin.sunny * sunny).astype(np.float32) + 0.05 * tiling_noise(rng, _SHAPE, 14.0)
+    edge = 1.02 - 1.05 * skin.red
     redness = 1.0 / (1.0 + np.exp((edge - height) / 0.075))
-    redness *= min(1.0, palette.red * 4.0) if palette.red < 0.5 else 1.0
-    pale, red = (np.array(colour, dtype=np.float32) for colour in (palette.pale, palette.flesh))
+    redness *= min(1.0, skin.red * 4.0) if skin.red < 0.5 else 1.0
+    pale, red = (np.array(colour, dtype=np.float32) for colour in (skin.pale, skin.flesh))
     tone = 1.0 + 0.045 * tiling_noise(rng, _SHAPE, 20.0) + 0.025 * tiling_noise(rng, _SHAPE, 4.0)
     return np.asarray((pale + redness[..., None] * (red - pale)) * tone[..., None])
 
 
-def _dimpled(colour: NDArray[np.float32], achenes: _Achenes, palette: _Palette) -> NDArray[np.float32]:
+def _dimpled(colour: NDArray[np.float32], achenes: _Achenes, skin: Skin) -> NDArray[np.float32]:
     """Shade the dimples: under light from above, the upper wall is in shade and the lower one catches it."""
     reach = 0.34 * achenes.spacing
     dimple = np.exp(-((achenes.distance / reach) ** 2))
-    relief = 1.0 - palette.dimple * dimple + 0.22 * np.clip(achenes.below / reach, -1.0, 1.0) * dimple
+    relief = 1.0 - skin.dimple * dimple + 0.22 * np.clip(achenes.below / reach, -1.0, 1.0) * dimple
     return np.asarray(colour * relief[..., None])
 
 
@@ -146,7 +167,7 @@ def _with_glints(
     rng: np.random.Generator,
     colour: NDArray[np.float32],
     achenes: _Achenes,
-    palette: _Palette,
+    skin: Skin,
     theta: NDArray[np.float64],
 ) -> NDArray[np.float32]:
     """Add small reflections of the sky on the swelling below each achene, where the skin looks up."""
@@ -154,12 +175,12 @@ def _with_glints(
     strength = rng.uniform(0.1, 1.0, achenes.count).astype(np.float32)[achenes.nearest]
     away = ((achenes.below / achenes.spacing - 0.42) / 0.16) ** 2
     away += (achenes.beside / (0.20 * achenes.spacing)) ** 2
-    glint = 0.55 * palette.gloss * np.exp(-away) * strength * facing_up
+    glint = 0.55 * skin.gloss * np.exp(-away) * strength * facing_up
     return np.asarray(colour + glint[..., None] * (np.array((255, 235, 230), dtype=np.float32) - colour))
 
 
 def _with_achenes(
-    rng: np.random.Generator, colour: NDArray[np.float32], achenes: _Achenes, palette: _Palette
+    rng: np.random.Generator, colour: NDArray[np.float32], achenes: _Achenes, skin: Skin
 ) -> NDArray[np.float32]:
     """Lay the achenes on: ellipses along the meridian, each of its own tint, lit from above."""
     half_long, half_wide = max(0.19 * achenes.spacing, 0.5), max(0.115 * achenes.spacing, 0.32)
@@ -167,5 +188,21 @@ def _with_achenes(
     cover = 1.0 / (1.0 + np.exp(np.clip((away - 1.0) / 0.18, -30.0, 30.0)))
     tint = rng.normal(1.0, 0.12, achenes.count).astype(np.float32)[achenes.nearest]
     tint *= 1.0 - 0.125 * np.clip(achenes.below / half_long, -2.0, 2.0)
-    achene = np.array(palette.achene, dtype=np.float32) * tint[..., None]
+    achene = np.array(skin.achene, dtype=np.float32) * tint[..., None]
     return np.asarray(colour + cover[..., None] * (achene - colour))
+
+
+def _with_rot(rng: np.random.Generator, colour: NDArray[np.float32], share: float) -> NDArray[np.float32]:
+    """Lay sunken brown patches over ``share`` of the skin, and grey mould over their middles."""
+    patches = tiling_noise(rng, _SHAPE, 26.0) + 0.22 * tiling_noise(rng, _SHAPE, 5.0)
+    edge = float(np.quantile(patches, 1.0 - share))
+    cover = 1.0 / (1.0 + np.exp(np.clip((edge - patches) / 0.09, -30.0, 30.0)))
+    brown = np.array((104.0, 62.0, 38.0), dtype=np.float32) * rng.uniform(0.75, 1.25)
+    tone = 1.0 + 0.12 * tiling_noise(rng, _SHAPE, 3.0)
+    colour = colour + cover[..., None] * (0.82 * (brown * tone[..., None] - colour))
+    fuzz = 1.0 / (1.0 + np.exp(np.clip((edge + rng.uniform(0.25, 0.9) - patches) / 0.12, -30.0, 30.0)))
+    grey = (
+        np.array((176.0, 172.0, 160.0), dtype=np.float32)
+        * (1.0 + 0.16 * tiling_noise(rng, _SHAPE, 1.5))[..., None]
+    )
+    return np.asarray(colour + fuzz[..., None] * (0.85 * (grey - colour)), dtype=np.float32)

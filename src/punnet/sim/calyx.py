@@ -54,8 +54,8 @@ def sepal(
     return Mesh(vertices @ rotation.T, faces, np.concatenate((uv, uv)))
 
 
-def make_calyx(rng: np.random.Generator, berry_width: float) -> Mesh:
-    """Grow a calyx for a berry ``berry_width`` metres across, in the berry's frame.
+def make_calyx(rng: np.random.Generator, berry_width: float, *, size: float = 1.0) -> Mesh:
+    """Grow a calyx for a berry ``berry_width`` metres across, in the berry's frame; ``size`` 1 is the usual.
 
     Broad sepals alternate with narrower ones of the epicalyx; some lie on the shoulders, some turn up.
     Texture coordinates are those of :func:`calyx_texture`: across, and from the base to the tip.
@@ -67,7 +67,7 @@ def make_calyx(rng: np.random.Generator, berry_width: float) -> Mesh:
         narrow = number % 2
         azimuth = 2.0 * np.pi * (number / (2 * pairs)) + rng.normal(0.0, 0.12)
         # the calyx is nearly full-grown while the fruit still swells
-        length = (0.0065 + 0.26 * berry_width) * rng.uniform(0.82, 1.15) * (0.85 if narrow else 1.0)
+        length = (0.0065 + 0.26 * berry_width) * rng.uniform(0.82, 1.15) * (0.85 if narrow else 1.0) * size
         half_width = length * (rng.uniform(0.15, 0.19) if narrow else rng.uniform(0.23, 0.29))
         lift = reflexed + rng.normal(0.0, 0.3) + (0.15 if narrow else 0.0)
         curl = rng.normal(0.2, 0.4)

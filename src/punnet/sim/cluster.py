@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -54,6 +55,10 @@ class ClusterConfig:
         Leaves above the gutter, and leaves that hang among the trusses: (least, most).
     style
         How trusses grow.
+    tilt
+        Spread (radians) of how far a berry hangs out of the vertical.
+    grow_berry
+        What grows a berry of a stage.
     """
 
     trusses: tuple[int, int] = (3, 3)
@@ -66,6 +71,8 @@ class ClusterConfig:
     canopy_leaves: tuple[int, int] = (26, 34)
     hanging_leaves: tuple[int, int] = (2, 4)
     style: TrussStyle = field(default_factory=TrussStyle)
+    tilt: float = 0.09
+    grow_berry: Callable[[np.random.Generator, RipenessStage], Berry] = make_berry
 
     def __post_init__(self) -> None:
         for name in ("trusses", "berries", "canopy_leaves", "hanging_leaves"):
@@ -160,12 +167,13 @@ def _grow_with_room(
     shares = np.array([config.stage_shares[stage] for stage in stages])
     for berries in range(wanted, 0, -1):
         fruit = [
-            make_berry(rng, stages[rng.choice(len(stages), p=shares / shares.sum())]) for _ in range(berries)
+            config.grow_berry(rng, stages[rng.choice(len(stages), p=shares / shares.sum())])
+            for _ in range(berries)
         ]
         for _ in range(_ATTEMPTS):
             truss = grow_truss(rng, anchor, berries, config.style)
             hanging = [
-                _hang(rng, fruit[number], truss.hanging_point(number), len(placed) + number)
+                _hang(rng, fruit[number], truss.hanging_point(number), len(placed) + number, config.tilt)
                 for number in range(berries)
             ]
             if _have_room(hanging, placed, truss, config.clearance):
@@ -174,11 +182,11 @@ def _grow_with_room(
 
 
 def _hang(
-    rng: np.random.Generator, berry: Berry, hanging_point: NDArray[np.float64], index: int
+    rng: np.random.Generator, berry: Berry, hanging_point: NDArray[np.float64], index: int, tilt: float
 ) -> HangingBerry:
-    tilt = rng.normal(0.0, 0.09, 2)
+    lean = rng.normal(0.0, tilt, 2)
     turn = rotation_from_vector((0.0, 0.0, rng.uniform(0.0, 2.0 * np.pi)))
-    rotation = rotation_from_vector((tilt[0], tilt[1], 0.0)) @ turn
+    rotation = rotation_from_vector((lean[0], lean[1], 0.0)) @ turn
     calyx = hanging_point - rotation[:, 2] * STUB_LENGTH
     return HangingBerry(index, berry, make_transform(rotation, calyx))
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-__all__ = ["add_lights", "set_render_quality"]
+__all__ = ["add_lights", "add_varied_lights", "set_render_quality"]
 
 _PLANT_CENTRE = np.array((0.75, -0.02, 0.78))
 
@@ -58,3 +59,44 @@ def set_render_quality(spec: mujoco.MjSpec) -> None:
         width=32,
         height=32,
     )
+
+
+def add_varied_lights(spec: mujoco.MjSpec, rng: np.random.Generator, target: NDArray[np.float64]) -> None:
+    """Add light from anywhere above, hard or soft, of any daylight's colour, aimed at ``target`` (3,).
+
+    The sum of the key light and the light from all sides stays about the same, so that pictures are
+    neither black nor burnt before the camera has set its exposure.
+    """
+    hard = rng.uniform(0.1, 0.9)
+    azimuth, height = rng.uniform(-2.2, 2.2), rng.uniform(0.35, 1.45)
+    towards = -np.array((-np.cos(azimuth) * np.cos(height), np.sin(azimuth) * np.cos(height), np.sin(height)))
+    warmth = rng.normal(0.0, 0.06)
+    tint = np.array((1.0 + warmth, 1.0, 1.0 - warmth))
+    sun = tint * (0.28 + 0.46 * hard)
+    spec.worldbody.add_light(
+        name="key",
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        pos=target - 2.0 * towards,
+        dir=towards,
+        diffuse=sun,
+        ambient=(0.0, 0.0, 0.0),
+        specular=np.full(3, rng.uniform(0.1, 0.9)),
+        castshadow=bool(rng.random() < 0.75),
+    )
+    sideways = np.array((rng.uniform(0.1, 1.0), rng.normal(0.0, 0.8), rng.uniform(-0.6, 0.9)))
+    fill = rng.uniform(0.06, 0.26)
+    spec.worldbody.add_light(
+        name="fill",
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        pos=target - 2.0 * sideways,
+        dir=sideways / np.linalg.norm(sideways),
+        diffuse=fill * np.array((1.0 - 0.5 * warmth, 1.0, 1.0 + 0.5 * warmth)),
+        ambient=(0.0, 0.0, 0.0),
+        specular=np.full(3, rng.uniform(0.0, 0.3)),
+        castshadow=False,
+    )
+    ambient = 0.52 - 0.30 * hard + rng.normal(0.0, 0.03)
+    spec.visual.headlight.ambient = ambient * np.array((1.0 - 0.6 * warmth, 1.0, 1.0 + 0.6 * warmth))
+    flash = rng.uniform(0.0, 0.14)
+    spec.visual.headlight.diffuse = (flash, flash, flash)
+    spec.visual.headlight.specular = (0.5 * flash, 0.5 * flash, 0.5 * flash)

@@ -21,7 +21,15 @@ from punnet.sim.mesh_assets import MeshAsset, add_mesh_asset
 from punnet.sim.orientation import mujoco_quaternion
 from punnet.sim.truss import add_truss
 
-__all__ = ["STUB_PIECES", "PlantedBerry", "add_cluster", "add_leaves"]
+__all__ = [
+    "STUB_PIECES",
+    "PlantedBerry",
+    "add_cluster",
+    "add_drawn_mesh",
+    "add_leaves",
+    "add_petiole",
+    "leaf_pose",
+]
 
 STUB_PIECES = 6
 """The stub is drawn and touched in this many pieces, so that a cut shows where it went through."""
@@ -65,9 +73,9 @@ def _add_berry(
     # Air and the plant's own tissue take the spin out of a berry; the armature keeps small ones stable at this time step.
     body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_FREE, damping=1e-4, armature=1e-5)
     skin = add_mesh_asset(spec, name, fruit.mesh, fruit.texture, **BERRY_GLOSS)
-    _add_drawn_mesh(body, f"{name}_skin", skin)
-    calyx = make_calyx(rng, fruit.width)
-    _add_drawn_mesh(
+    add_drawn_mesh(body, f"{name}_skin", skin)
+    calyx = make_calyx(rng, fruit.width, size=fruit.calyx_size)
+    add_drawn_mesh(
         body,
         f"{name}_calyx",
         add_mesh_asset(spec, f"{name}_calyx", calyx, calyx_texture(rng), **CALYX_GLOSS),
@@ -99,7 +107,8 @@ def _add_berry(
     return PlantedBerry(hanging.index, name, f"{name}_fruit", f"{name}_attached", stub)
 
 
-def _add_drawn_mesh(body: mujoco.MjsBody, name: str, asset: MeshAsset) -> None:
+def add_drawn_mesh(body: mujoco.MjsBody, name: str, asset: MeshAsset) -> None:
+    """Draw a mesh on ``body``; nothing touches it."""
     body.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_MESH,
@@ -135,8 +144,16 @@ def _add_stub(body: mujoco.MjsBody, name: str, radius: float) -> tuple[str, ...]
     return tuple(names)
 
 
-def add_leaves(spec: mujoco.MjSpec, rng: np.random.Generator, cluster: Cluster) -> None:
-    """A canopy of leaves above the gutter, rigid, and some that hang among the trusses and give way when touched."""
+def add_leaves(
+    spec: mujoco.MjSpec, rng: np.random.Generator, cluster: Cluster
+) -> list[list[tuple[MeshAsset, float]]]:
+    """A canopy of leaves above the gutter, rigid, and some that hang among the trusses and give way when touched.
+
+    Returns
+    -------
+    list
+        The leaves that there are to choose from, each in several (asset, size in metres).
+    """
     variants = []
     for number in range(_LEAF_VARIANTS):
         leaf = make_leaf(rng, 1.0)
@@ -147,6 +164,7 @@ def add_leaves(spec: mujoco.MjSpec, rng: np.random.Generator, cluster: Cluster) 
     for number in range(int(rng.integers(config.hanging_leaves[0], config.hanging_leaves[1], endpoint=True))):
         _add_hanging_leaf(spec, rng, f"hanging{number}", variants[rng.integers(len(variants))][1])
     add_blossom(spec, rng, int(rng.integers(2, 6)))
+    return [sizes for _, sizes in variants]
 
 
 _LEAF_SIZES = (0.055, 0.072, 0.09)
@@ -171,10 +189,10 @@ def _add_canopy_leaf(
     reach = rng.uniform(0.05, 0.17)
     tip = crown + np.array([np.cos(azimuth) * reach, np.sin(azimuth) * reach, rng.uniform(0.03, 0.20)])
     asset, _ = sizes[rng.integers(len(sizes))]
-    _add_petiole(spec.worldbody, name, crown, tip)
-    pose = _leaf_pose(azimuth, droop=rng.uniform(-0.1, 0.9), roll=rng.normal(0.0, 0.35))
+    add_petiole(spec.worldbody, name, crown, tip)
+    pose = leaf_pose(azimuth, droop=rng.uniform(-0.1, 0.9), roll=rng.normal(0.0, 0.35))
     body = spec.worldbody.add_body(name=name, pos=tip, quat=mujoco_quaternion(pose))
-    _add_drawn_mesh(body, name, asset)
+    add_drawn_mesh(body, name, asset)
 
 
 def _add_hanging_leaf(
@@ -184,8 +202,8 @@ def _add_hanging_leaf(
     azimuth = np.pi + rng.normal(0.0, 0.7)
     tip = lip + np.array([rng.uniform(-0.05, 0.02), rng.normal(0.0, 0.03), -rng.uniform(0.01, 0.11)])
     asset, size = sizes[rng.integers(len(sizes))]
-    _add_petiole(spec.worldbody, name, lip, tip)
-    pose = _leaf_pose(azimuth, droop=rng.uniform(0.7, 1.4), roll=rng.normal(0.0, 0.4))
+    add_petiole(spec.worldbody, name, lip, tip)
+    pose = leaf_pose(azimuth, droop=rng.uniform(0.7, 1.4), roll=rng.normal(0.0, 0.4))
     body = spec.worldbody.add_body(name=name, pos=tip, quat=mujoco_quaternion(pose))
     for label, axis in (("pitch", (0.0, 1.0, 0.0)), ("roll", (1.0, 0.0, 0.0))):
         body.add_joint(
@@ -196,7 +214,7 @@ def _add_hanging_leaf(
             damping=0.0006,
             armature=2e-6,
         )
-    _add_drawn_mesh(body, name, asset)
+    add_drawn_mesh(body, name, asset)
     body.add_geom(
         name=f"{name}_touch",
         type=mujoco.mjtGeom.mjGEOM_BOX,
@@ -211,9 +229,10 @@ def _add_hanging_leaf(
     )
 
 
-def _add_petiole(
+def add_petiole(
     parent: mujoco.MjsBody, name: str, start: NDArray[np.float64], end: NDArray[np.float64]
 ) -> None:
+    """Draw a leaf's stalk between two points (3,)."""
     parent.add_geom(
         name=f"{name}_petiole",
         type=mujoco.mjtGeom.mjGEOM_CAPSULE,
@@ -227,7 +246,7 @@ def _add_petiole(
     )
 
 
-def _leaf_pose(azimuth: float, *, droop: float, roll: float) -> NDArray[np.float64]:
+def leaf_pose(azimuth: float, *, droop: float, roll: float) -> NDArray[np.float64]:
     """Rotation of a leaf (x along it, z its upper face) that points to ``azimuth`` and hangs by ``droop`` radians."""
     return np.asarray(
         rotation_from_vector((0.0, 0.0, azimuth))

@@ -68,6 +68,9 @@ class CameraRenderer:
         Side of the shadow map in texels; None takes the model's ``quality.shadowsize``. It costs the most.
     max_geometries
         Most geometries in one picture.
+    shared_context
+        An OpenGL context of :func:`punnet.sim.gl_context.make_gl_context`, at least as large as the picture, that
+        outlives this renderer: what compiling shaders costs is then paid once, not once a model. The caller frees it.
 
     Raises
     ------
@@ -87,8 +90,10 @@ class CameraRenderer:
         samples: int | None = None,
         shadow_size: int | None = None,
         max_geometries: int = 20_000,
+        shared_context: Any = None,
     ) -> None:
         self._gl: Any = None
+        self._owns_gl = shared_context is None
         self._context: Any = None
         if width < 1 or height < 1:
             raise ConfigurationError(f"renderer: picture size must be positive, got {width}×{height}")
@@ -100,7 +105,7 @@ class CameraRenderer:
         self._option = _scene_option(hidden_groups)
         self._raw_rgb = np.empty((height, width, 3), dtype=np.uint8)
         self._raw_depth = np.empty((height, width), dtype=np.float32)
-        self._gl = make_gl_context(width, height)
+        self._gl = make_gl_context(width, height) if shared_context is None else shared_context
         self._gl.make_current()
         with _quality(model, samples, shadow_size):
             self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
@@ -139,6 +144,14 @@ class CameraRenderer:
         self._draw_ids(None, self._raw_depth)
         return rgb, self._metric_depth()
 
+    def render_geometry(
+        self, data: mujoco.MjData, camera: Camera
+    ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+        """Depth and geometry ids of the same instant, as from :meth:`render_all`, without the colours."""
+        self._update(data, camera)
+        self._draw_ids(self._raw_rgb, self._raw_depth)
+        return self._metric_depth(), self._geometry_ids()
+
     def render_all(self, data: mujoco.MjData, camera: Camera) -> CameraView:
         """Colours, depth and geometry ids of the same instant: two passes over the geometry in all."""
         self._update(data, camera)
@@ -153,7 +166,7 @@ class CameraRenderer:
         if context is not None:
             with gl.as_current():
                 context.free()
-        if gl is not None:
+        if gl is not None and self._owns_gl:
             gl.free()
 
     def __enter__(self) -> Self:

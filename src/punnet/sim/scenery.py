@@ -16,7 +16,7 @@ from punnet.sim.scenery_textures import paint_bag, paint_tape, paint_zinc
 from punnet.sim.solids import add_box, add_card, add_mesh_geom, add_painted_material, add_rod
 from punnet.sim.surroundings import add_surroundings
 
-__all__ = ["SceneryLayout", "add_scenery"]
+__all__ = ["SceneryLayout", "add_gutter", "add_scenery"]
 
 _HALF_LENGTH = 1.55  # metres of gutter to each side with real bags; beyond, a plain box goes on
 _FAR = 12.0
@@ -63,12 +63,7 @@ def add_scenery(spec: mujoco.MjSpec, rng: np.random.Generator, layout: SceneryLa
     everything else is only seen. Light, and where the leg, bags and soil lie, vary with ``rng``.
     """
     layout = layout or SceneryLayout()
-    add_painted_material(spec, "zinc", paint_zinc(rng), repeat=(1.5, 3.0), specular=0.25, shininess=0.25)
-    spec.add_material(name="film", rgba=(0.07, 0.07, 0.075, 1.0), specular=0.4, shininess=0.6)
-    spec.add_material(name="pipe", rgba=(0.055, 0.055, 0.06, 1.0), specular=0.3, shininess=0.4)
-    _add_gutter(spec, rng, layout)
-    _add_bags(spec, rng, layout)
-    _add_irrigation(spec, rng, layout)
+    add_gutter(spec, rng, layout)
     add_surroundings(
         spec,
         rng,
@@ -78,6 +73,16 @@ def add_scenery(spec: mujoco.MjSpec, rng: np.random.Generator, layout: SceneryLa
     )
     add_lights(spec, rng)
     set_render_quality(spec)
+
+
+def add_gutter(spec: mujoco.MjSpec, rng: np.random.Generator, layout: SceneryLayout) -> None:
+    """Add the gutter that the plant grows in, with its legs, bags, tape and irrigation."""
+    add_painted_material(spec, "zinc", paint_zinc(rng), repeat=(1.5, 3.0), specular=0.25, shininess=0.25)
+    spec.add_material(name="film", rgba=(0.07, 0.07, 0.075, 1.0), specular=0.4, shininess=0.6)
+    spec.add_material(name="pipe", rgba=(0.055, 0.055, 0.06, 1.0), specular=0.3, shininess=0.4)
+    _add_gutter(spec, rng, layout)
+    _add_bags(spec, rng, layout)
+    _add_irrigation(spec, rng, layout)
 
 
 def _add_gutter(spec: mujoco.MjSpec, rng: np.random.Generator, layout: SceneryLayout) -> None:

@@ -2,37 +2,98 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Protocol
+
+import cv2
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from punnet.geometry import CameraIntrinsics, invert_transform, project, transform_points
 from punnet.scene import KEYPOINTS, PLUCKABLE, UNPLUCKABLE, Frame, Strawberries, Visibility
-from punnet.sim.world import World
+from punnet.sim.cluster import Cluster
+from punnet.sim.layers import PLANT_VISUAL, SCENERY
+from punnet.sim.plant import PlantedBerry
 
-__all__ = ["PICKING_HEIGHT", "berry_of_geom", "true_picking_points", "true_strawberries"]
+__all__ = [
+    "LEAST_PIXELS",
+    "PICKING_HEIGHT",
+    "GrownPlant",
+    "KeypointTruth",
+    "berry_of_geom",
+    "keypoint_boxes",
+    "shown_berries",
+    "silhouette",
+    "true_keypoints",
+    "true_picking_points",
+    "true_strawberries",
+]
 
 PICKING_HEIGHT = 0.014
 """Metres above the calyx at which the stem is gripped; the blade runs 6 mm higher."""
 
-_LEAST_PIXELS = 30
+LEAST_PIXELS = 30
+"""A berry of which less shows is not there."""
+
 _GRASP_INSET = 0.92  # of the way from the axis to the outline
+_CALYX_HEIGHT = 0.003  # metres above the attachment at which the sepals part: seeing that is seeing the top
+_TOUCHING = 0.003  # metres: a ray that ends this near to a point has reached it (half a stem, half a facet)
+_SUBPIXEL_BITS = 4
+_PICKING_POINT, _TOP, _BOTTOM = (KEYPOINTS.index(name) for name in ("picking_point", "top", "bottom"))
 
 
-def berry_of_geom(world: World) -> NDArray[np.int64]:
+class GrownPlant(Protocol):
+    """A plant in a MuJoCo model, in whatever world it stands."""
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """MuJoCo's model."""
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """Its state."""
+
+    @property
+    def cluster(self) -> Cluster:
+        """What was grown."""
+
+    @property
+    def planted(self) -> list[PlantedBerry]:
+        """Names of each berry in the model, by index."""
+
+    @property
+    def berries(self) -> int:
+        """Number of berries."""
+
+    def berry_poses(self) -> NDArray[np.float64]:
+        """``T_base_berry`` (N, 4, 4)."""
+
+    def attached(self) -> NDArray[np.bool_]:
+        """(N,) whether each berry still hangs."""
+
+
+def berry_of_geom(plant: GrownPlant) -> NDArray[np.int64]:
     """(ngeom,) index of the berry whose skin a geometry is, −1 for all else."""
-    owner = np.full(world.model.ngeom, -1, dtype=np.int64)
-    for berry in world.planted:
-        owner[world.model.geom(f"{berry.body}_skin").id] = berry.index
+    owner = np.full(plant.model.ngeom, -1, dtype=np.int64)
+    for berry in plant.planted:
+        owner[plant.model.geom(f"{berry.body}_skin").id] = berry.index
     return owner
 
 
-def true_picking_points(world: World) -> NDArray[np.float64]:
+def shown_berries(plant: GrownPlant, segmentation: NDArray[np.int32]) -> NDArray[np.int64]:
+    """(H, W) index of the berry that each pixel shows, −1 for all else; from geometry ids (H, W)."""
+    owner = berry_of_geom(plant)
+    return np.where(segmentation >= 0, owner[np.maximum(segmentation, 0)], -1)
+
+
+def true_picking_points(plant: GrownPlant) -> NDArray[np.float64]:
     """(N, 3) the point on each berry's stem to grip, metres in the base frame, where it is now."""
-    T = world.berry_poses()
+    T = plant.berry_poses()
     return np.asarray(T[:, :3, 3] + PICKING_HEIGHT * T[:, :3, 2])
 
 
-def true_strawberries(world: World, frame: Frame, segmentation: NDArray[np.int32]) -> Strawberries:
+def true_strawberries(plant: GrownPlant, frame: Frame, segmentation: NDArray[np.int32]) -> Strawberries:
     """What a perfect detector would say of ``frame``: every berry of which at least 30 pixels show.
 
     Parameters
@@ -44,78 +105,122 @@ def true_strawberries(world: World, frame: Frame, segmentation: NDArray[np.int32
 
     Notes
     -----
-    ``ids`` are the berries' indices in the world. Detached berries are left out. A key-point is visible if its pixel
-    shows the berry itself (the picking point: its own stem or nothing in front of it), hidden by itself if the
-    berry's own fruit covers it, hidden by something else otherwise.
+    ``ids`` are the berries' indices in the world. Detached berries are left out. Visibility as in
+    :func:`true_keypoints`.
     """
-    owner = berry_of_geom(world)
-    shown = np.where(segmentation >= 0, owner[np.maximum(segmentation, 0)], -1)
-    counts = np.bincount(shown[shown >= 0].ravel(), minlength=world.berries)
-    chosen = np.flatnonzero((counts >= _LEAST_PIXELS) & world.attached())
+    shown = shown_berries(plant, segmentation)
+    counts = np.bincount(shown[shown >= 0].ravel(), minlength=plant.berries)
+    chosen = np.flatnonzero((counts >= LEAST_PIXELS) & plant.attached())
     if not len(chosen) or frame.camera is None or frame.T_base_camera is None:
         return Strawberries.empty((frame.height, frame.width))
     masks = np.stack([shown == index for index in chosen])
-    keypoints, visibility = _keypoints(world, frame.camera, frame.T_base_camera, chosen, segmentation)
-    berries = [world.cluster.berries[index].berry for index in chosen]
+    keypoints = true_keypoints(plant, frame.camera, frame.T_base_camera, chosen)
+    berries = [plant.cluster.berries[index].berry for index in chosen]
     return Strawberries(
         image_size=(frame.height, frame.width),
-        boxes=_boxes(masks, keypoints),
+        boxes=keypoint_boxes(masks, keypoints.pixels),
         classes=np.array([PLUCKABLE if b.stage.pluckable else UNPLUCKABLE for b in berries]),
         masks=masks,
-        keypoints=keypoints,
-        visibility=visibility,
-        ripeness=np.array([b.stage.ripeness for b in berries]),
-        picking_points=true_picking_points(world)[chosen],
+        keypoints=keypoints.pixels,
+        visibility=keypoints.visibility,
+        ripeness=np.array([b.ripeness for b in berries]),
+        picking_points=true_picking_points(plant)[chosen],
         weights=np.array([b.mass for b in berries]),
         weight_intervals=np.repeat(np.array([b.mass for b in berries])[:, None], 2, axis=1),
         ids=chosen,
     )
 
 
-def _keypoints(
-    world: World,
+@dataclass(frozen=True, eq=False)
+class KeypointTruth:
+    """Key-points of N berries as a camera sees them.
+
+    Parameters
+    ----------
+    pixels
+        (N, 5, 2); NaN outside the image.
+    depths
+        (N, 5) metres along the optical axis; NaN outside the image.
+    visibility
+        (N, 5) :class:`Visibility`.
+    """
+
+    pixels: NDArray[np.float64]
+    depths: NDArray[np.float64]
+    visibility: NDArray[np.int64]
+
+
+def true_keypoints(
+    plant: GrownPlant,
     camera: CameraIntrinsics,
     T_base_camera: NDArray[np.float64],
     chosen: NDArray[np.int64],
-    segmentation: NDArray[np.int32],
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Pixels (N, 5, 2) and visibility (N, 5) of the key-points."""
+) -> KeypointTruth:
+    """Where the key-points of the berries ``chosen`` (N,) are, and what, if anything, hides each from the camera.
+
+    A ray goes from the camera to each point. What it meets first on the way decides: nothing, or the thing that the
+    point belongs to, and it is visible; the berry's own fruit or calyx, and it is hidden by itself; anything
+    else, and it is hidden by that. The picking point belongs to the stem, the top to calyx and stem (it counts as
+    seen where the sepals part, 3 mm above the attachment), the bottom to the skin there; the grasp points, which
+    lie just inside the outline, to the whole fruit. Outside the image a point is absent.
+    """
     T_camera_base = invert_transform(T_base_camera)
-    poses = world.berry_poses()
-    picking = true_picking_points(world)
-    pixels = np.full((len(chosen), len(KEYPOINTS), 2), np.nan)
-    visibility = np.zeros((len(chosen), len(KEYPOINTS)), dtype=np.int64)
-    body_of_geom = np.append(world.model.geom_bodyid, -1)
+    poses = plant.berry_poses()
+    shape = (len(chosen), len(KEYPOINTS))
+    pixels, depths = np.full((*shape, 2), np.nan), np.full(shape, np.nan)
+    visibility = np.full(shape, int(Visibility.ABSENT), dtype=np.int64)
     for row, index in enumerate(chosen):
-        berry = world.cluster.berries[index].berry
-        across = _grasp_points(poses[index], T_base_camera, berry.mesh.vertices)
-        points = np.concatenate(
-            (
-                picking[index][None],
-                transform_points(
-                    poses[index], np.stack((np.zeros(3), np.asarray(berry.keypoints["bottom"])))
-                ),
-                across,
-            )
-        )
-        pixels[row] = project(camera, transform_points(T_camera_base, points))
-        own = world.model.body(world.planted[index].body).id
-        for which, (u, v) in enumerate(np.rint(pixels[row]).astype(int)):
-            if not (0 <= u < camera.width and 0 <= v < camera.height):
-                pixels[row, which] = np.nan
-                continue
-            seen = int(body_of_geom[segmentation[v, u]])
-            visibility[row, which] = _visibility(seen == own, which, seen)
-    return pixels, visibility
+        points = _keypoints(plant, int(index), poses[index], T_base_camera)
+        in_camera = transform_points(T_camera_base, points)
+        projected = project(camera, in_camera)
+        u, v = np.rint(projected).T
+        inside = (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height) & (in_camera[:, 2] > 0)
+        pixels[row, inside], depths[row, inside] = projected[inside], in_camera[inside, 2]
+        points[_TOP] += _CALYX_HEIGHT * poses[index][:3, 2]
+        for which in np.flatnonzero(inside):
+            visibility[row, which] = _visibility(plant, int(index), int(which), T_base_camera, points[which])
+    return KeypointTruth(pixels, depths, visibility)
 
 
-def _visibility(shows_itself: bool, which: int, seen: int) -> Visibility:
-    if shows_itself:
+def _keypoints(
+    plant: GrownPlant, index: int, pose: NDArray[np.float64], T_base_camera: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The five key-points (5, 3) of a berry, base frame."""
+    berry = plant.cluster.berries[index].berry
+    on_axis = np.stack(((0.0, 0.0, PICKING_HEIGHT), (0.0, 0.0, 0.0), berry.keypoints["bottom"]))
+    across = _grasp_points(pose, T_base_camera, berry.mesh.vertices)
+    return np.concatenate((transform_points(pose, on_axis), across))
+
+
+# A camera draws scenery and plants; the arm is not in the wrist camera's way, and collision shapes are not drawn.
+_DRAWN = np.array([group in (SCENERY, PLANT_VISUAL) for group in range(6)], dtype=np.uint8)
+
+
+def _visibility(
+    plant: GrownPlant,
+    index: int,
+    which: int,
+    T_base_camera: NDArray[np.float64],
+    point: NDArray[np.float64],
+) -> Visibility:
+    model = plant.model
+    eye = np.ascontiguousarray(T_base_camera[:3, 3])
+    way = point - eye
+    reach = float(np.linalg.norm(way))
+    met = np.full(1, -1, dtype=np.int32)
+    distance = mujoco.mj_ray(model, plant.data, eye, way / reach, _DRAWN, 1, -1, met)
+    geom = int(met[0])
+    if geom < 0 or distance >= reach - _TOUCHING:
         return Visibility.VISIBLE
-    background = seen <= 0  # the world body: gutter and backdrop lie behind the cluster
-    if background:
-        return Visibility.VISIBLE if KEYPOINTS[which] == "picking_point" else Visibility.HIDDEN_BY_ITSELF
-    return Visibility.HIDDEN_BY_OTHER
+    berry = plant.planted[index]
+    if model.geom_bodyid[geom] != model.body(berry.body).id:
+        return Visibility.HIDDEN_BY_OTHER
+    if which in (_PICKING_POINT, _TOP):
+        name = model.geom(geom).name
+        part_of_it = name in berry.stub or (which == _TOP and name == f"{berry.body}_calyx")
+    else:
+        part_of_it = which != _BOTTOM
+    return Visibility.VISIBLE if part_of_it else Visibility.HIDDEN_BY_ITSELF
 
 
 def _grasp_points(
@@ -132,7 +237,7 @@ def _grasp_points(
     return np.asarray(on_axis + _GRASP_INSET * (outline - on_axis))
 
 
-def _boxes(masks: NDArray[np.bool_], keypoints: NDArray[np.float64]) -> NDArray[np.float64]:
+def keypoint_boxes(masks: NDArray[np.bool_], keypoints: NDArray[np.float64]) -> NDArray[np.float64]:
     """Xyxy boxes (N, 4) that hold the mask and the key-points in view."""
     boxes = np.zeros((len(masks), 4))
     for row, (mask, points) in enumerate(zip(masks, keypoints, strict=True)):
@@ -142,3 +247,26 @@ def _boxes(masks: NDArray[np.bool_], keypoints: NDArray[np.float64]) -> NDArray[
         high = np.maximum((u.max() + 1, v.max() + 1), inside.max(axis=0, initial=-np.inf))
         boxes[row] = (*low, *high)
     return boxes
+
+
+def silhouette(
+    plant: GrownPlant, index: int, camera: CameraIntrinsics, T_base_camera: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Pixels (H, W) that the fruit of berry ``index`` would cover with nothing in its way.
+
+    The convex outline of its projected vertices: a berry is nearly convex, and this is a hundred times
+    cheaper than drawing it alone.
+    """
+    surface = transform_points(
+        invert_transform(T_base_camera) @ plant.berry_poses()[index],
+        plant.cluster.berries[index].berry.mesh.vertices,
+    )
+    cover = np.zeros((camera.height, camera.width), dtype=np.uint8)
+    if surface[:, 2].min() > 0.01:
+        outline = cv2.convexHull(project(camera, surface).astype(np.float32))[:, 0]
+        middle, radius = outline.mean(axis=0), np.sqrt(cv2.contourArea(outline) / np.pi)
+        # OpenCV also fills the pixels that the outline only touches: half a pixel too much all around
+        outline = middle + (outline - middle) * max(0.0, 1.0 - 0.5 / max(radius, 0.5))
+        fine = np.rint(outline * 2**_SUBPIXEL_BITS).astype(np.int32)
+        cv2.fillConvexPoly(cover, fine, 1, cv2.LINE_8, _SUBPIXEL_BITS)
+    return cover.astype(np.bool_)

@@ -1,0 +1,77 @@
+"""``punnet data simulate``: labelled RGB-D images of simulated plants."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from punnet.cli.console import note, print_json, progress_bar, say
+from punnet.cli.options import Force, Json, OutFolder, Seed
+
+__all__ = ["simulate"]
+
+
+def simulate(
+    out: OutFolder,
+    images: Annotated[
+        int, typer.Option("--images", "-n", min=1, help="How many; three views a plant.")
+    ] = 300,
+    seed: Seed = 0,
+    workers: Annotated[
+        int, typer.Option("--workers", "-j", min=1, help="Processes that work at a time.")
+    ] = 1,
+    backend: Annotated[
+        str, typer.Option("--backend", help="loky: this machine's cores; ray: the machines of a Ray cluster.")
+    ] = "loky",
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Make labelled RGB-D images: masks, key-points, ripeness, weight, depth. Started again, it goes on where it was."""
+    import time
+
+    from punnet.sim.dataset_factory import simulate_dataset
+
+    started = time.monotonic()
+    with progress_bar("images", images) as advance:
+        shown = 0
+
+        def show(done: int) -> None:
+            nonlocal shown
+            for _ in range(done - shown):
+                advance()
+            shown = done
+
+        report = simulate_dataset(
+            out,
+            images=images,
+            seed=seed,
+            workers=workers,
+            backend=backend,  # type: ignore[arg-type]  # the factory names what it knows
+            force=force,
+            progress=show,
+        )
+    seconds = time.monotonic() - started
+    rate = report.made / seconds
+    if as_json:
+        print_json(
+            {
+                "folder": str(out),
+                "images": report.images,
+                "plants": report.plants,
+                "annotations": report.annotations,
+                "crowd": report.crowd,
+                "made": report.made,
+                "kept": report.kept,
+                "megabytes": round(report.megabytes, 2),
+                "seconds": round(seconds, 2),
+                "images_per_second": round(rate, 3),
+            }
+        )
+        return
+    if report.kept:
+        note(f"{report.kept} images of an earlier run were kept")
+    say(
+        f"wrote {out}: {report.images} images of {report.plants} plants, {report.annotations} berries "
+        f"({report.crowd} hardly visible), {report.megabytes:.0f} MB; {rate:.1f} images/s"
+    )
