@@ -11,7 +11,6 @@ import json
 import math
 import os
 import shutil
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -41,6 +40,7 @@ GENERATOR = 1
 
 _DESCRIPTION, _ANNOTATIONS, _SHARDS = "data.json", "annotations.json", ".plants"
 _JPEG_QUALITY = 92
+_RAY_BATCH = 16
 _DEPTH_UNIT = 0.001
 _LICENCES = [
     {"id": 1, "name": "CC0 1.0", "url": "https://creativecommons.org/publicdomain/zero/1.0/"},
@@ -209,31 +209,28 @@ def _run(
     """Make plants (number, views); yields how many images each has given, in the order in which they are done."""
     import joblib
 
-    tasks = (joblib.delayed(_make_plant)(str(place), seed, plant, views) for plant, views in plants)
-    with _backend(backend, workers), warnings.catch_warnings():
-        # a worker that is lost to memory is started again by loky, which warns; its plants are made again
-        warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given")
-        parallel = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", pre_dispatch="2*n_jobs")
-        yield from parallel(tasks)
-
-
-@contextmanager
-def _backend(backend: Backend, workers: int) -> Iterator[None]:
-    import joblib
-
+    tasks = [joblib.delayed(_make_plant)(str(place), seed, plant, views) for plant, views in plants]
     if backend == "ray":
-        try:
-            from ray.util.joblib import register_ray  # type: ignore[import-not-found]
-        except ImportError as error:
-            raise ConfigurationError(
-                "simulate: --backend ray needs Ray: pip install 'punnet[scale]'"
-            ) from error
-        register_ray()
-        with joblib.parallel_config(backend="ray", n_jobs=workers):
-            yield
+        with _ray(workers):  # which gives results only when all are there: batches, so that there is progress
+            for start in range(0, len(tasks), _RAY_BATCH * workers):
+                yield from joblib.Parallel(n_jobs=workers)(tasks[start : start + _RAY_BATCH * workers])
         return
     # Workers share the cores: one thread each for NumPy; the renderer and OpenCV are told in the worker itself.
     with joblib.parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1):
+        yield from joblib.Parallel(n_jobs=workers, return_as="generator_unordered")(tasks)
+
+
+@contextmanager
+def _ray(workers: int) -> Iterator[None]:
+    """Joblib on the Ray cluster that this machine is connected to, or on this machine as a cluster of one."""
+    import joblib
+
+    try:
+        from ray.util.joblib import register_ray  # type: ignore[import-not-found]
+    except ImportError as error:
+        raise ConfigurationError("simulate: --backend ray needs Ray: pip install 'punnet[scale]'") from error
+    register_ray()
+    with joblib.parallel_config(backend="ray", n_jobs=workers):
         yield
 
 
