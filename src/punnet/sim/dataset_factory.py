@@ -12,7 +12,6 @@ import math
 import os
 import shutil
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -121,6 +120,8 @@ def simulate_dataset(
         )
     if backend not in BACKENDS:
         raise ConfigurationError(f"simulate: backend must be one of {', '.join(BACKENDS)}, got {backend!r}")
+    if backend == "ray":
+        _register_ray()
     place = Path(folder).expanduser().absolute()
     description = _describe(images, seed)
     _open_folder(place, description, force)
@@ -211,7 +212,8 @@ def _run(
 
     tasks = [joblib.delayed(_make_plant)(str(place), seed, plant, views) for plant, views in plants]
     if backend == "ray":
-        with _ray(workers):  # which gives results only when all are there: batches, so that there is progress
+        with joblib.parallel_config(backend="ray", n_jobs=workers):
+            # Ray gives results only when all of a call are there: batches, so that there is progress.
             for start in range(0, len(tasks), _RAY_BATCH * workers):
                 yield from joblib.Parallel(n_jobs=workers)(tasks[start : start + _RAY_BATCH * workers])
         return
@@ -220,18 +222,13 @@ def _run(
         yield from joblib.Parallel(n_jobs=workers, return_as="generator_unordered")(tasks)
 
 
-@contextmanager
-def _ray(workers: int) -> Iterator[None]:
-    """Joblib on the Ray cluster that this machine is connected to, or on this machine as a cluster of one."""
-    import joblib
-
+def _register_ray() -> None:
+    """Let joblib work on the Ray cluster that this machine is connected to, or on this machine as a cluster of one."""
     try:
         from ray.util.joblib import register_ray  # type: ignore[import-not-found]
     except ImportError as error:
         raise ConfigurationError("simulate: --backend ray needs Ray: pip install 'punnet[scale]'") from error
     register_ray()
-    with joblib.parallel_config(backend="ray", n_jobs=workers):
-        yield
 
 
 _render_context: Any = None  # one OpenGL context a process: to make one costs more than to draw a picture

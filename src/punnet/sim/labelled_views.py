@@ -27,7 +27,7 @@ from punnet.sim.truth import (
     true_keypoints,
 )
 
-__all__ = ["PLUCKABLE_STAGES", "VIEWS", "LabelledView", "label_berries", "photograph"]
+__all__ = ["PLUCKABLE_STAGES", "VIEWS", "LabelledView", "draw_pose", "label_berries", "photograph"]
 
 VIEWS = {"far": (0.45, 0.65), "middle": (0.33, 0.45), "near": (0.20, 0.32)}
 """Metres from the camera to what it aims at."""
@@ -86,7 +86,7 @@ def _aim(
     """A pose from which something can be seen, with depth and geometry ids; the last one tried if none is good."""
     for _ in range(_ATTEMPTS):
         target = int(rng.integers(scene.berries))
-        T = _draw_pose(scene, rng, view, target)
+        T = draw_pose(scene, rng, view, target)
         scene.place_camera(T)
         depth, segmentation = renderer.render_geometry(scene.data, PHOTO_CAMERA)
         covered = ((depth > 0) & (depth < _NEAREST)).mean()
@@ -97,7 +97,7 @@ def _aim(
     return T, depth, segmentation
 
 
-def _draw_pose(scene: StillScene, rng: np.random.Generator, view: str, target: int) -> NDArray[np.float64]:
+def draw_pose(scene: StillScene, rng: np.random.Generator, view: str, target: int) -> NDArray[np.float64]:
     """``T_base_camera`` on the robot's side of the plant."""
     centres = np.array([berry.centre for berry in scene.cluster.berries])
     middle = (centres.min(axis=0) + centres.max(axis=0)) / 2.0
