@@ -1,4 +1,4 @@
-"""Masks and key-points are read off as torchvision reads them, and in the frame's own pixels."""
+"""Masks and key-points come back where training showed them, and in the frame's own pixels."""
 
 from __future__ import annotations
 
@@ -53,16 +53,47 @@ def block(top: int, left: int, height: int, width: int) -> Patch:
     return Patch(top, left, np.ones((height, width), dtype=bool))
 
 
-@pytest.mark.parametrize("side", [3.0, 80.0, 700.0])
-def test_masks_lie_where_torchvision_pastes_them(rng: np.random.Generator, side: float) -> None:
+@pytest.mark.parametrize("side", [6.0, 80.0, 700.0])
+def test_masks_lie_where_an_exact_resampling_puts_them(rng: np.random.Generator, side: float) -> None:
     torch = pytest.importorskip("torch")
-    from torchvision.models.detection.roi_heads import paste_masks_in_image
-
     raw = random_detections(rng, 40, side=side)
-    expected = paste_masks_in_image(torch.tensor(raw.masks[:, None]), torch.tensor(raw.regions), SIZE)
-    for mask, region, reference in zip(raw.masks, raw.regions, expected[:, 0].numpy() > 0.5, strict=True):
+    v, u = np.mgrid[: SIZE[0], : SIZE[1]]
+    for mask, region in zip(raw.masks, raw.regions, strict=True):
+        # grid_sample's own coordinates: -1 and 1 are the region's edges.
+        places = np.stack(
+            (
+                2 * (u - region[0]) / (region[2] - region[0]) - 1,
+                2 * (v - region[1]) / (region[3] - region[1]) - 1,
+            ),
+            axis=2,
+        )
+        sampled = torch.nn.functional.grid_sample(
+            torch.tensor(mask[None, None]), torch.tensor(places[None].astype(np.float32)), align_corners=False
+        )
+        reference = sampled[0, 0].numpy() > 0.5
         ours = full(paste_mask(mask, region, SIZE, 0.5))
         assert (ours & reference).sum() >= 0.999 * (ours | reference).sum()
+
+
+@pytest.mark.parametrize(("radius", "share"), [(6, 0.95), (12, 0.97), (60, 0.99)])
+def test_a_mask_as_it_is_shown_in_training_comes_back_whole(
+    rng: np.random.Generator, radius: float, share: float
+) -> None:
+    torch = pytest.importorskip("torch")
+    from torchvision.models.detection.roi_heads import project_masks_on_boxes
+
+    v, u = np.mgrid[: SIZE[0], : SIZE[1]]
+    for centre in rng.uniform(100, 300, (20, 2)):
+        berry = np.hypot(u - centre[0], v - centre[1]) < radius
+        region = np.concatenate((centre - 1.3 * radius, centre + 1.3 * radius)) + rng.uniform(-2, 2, 4)
+        shown = project_masks_on_boxes(
+            torch.tensor(berry[None].astype(np.float32)),
+            torch.tensor(region[None].astype(np.float32)),
+            torch.zeros(1, dtype=torch.long),
+            56,
+        )
+        back = full(paste_mask(shown[0].numpy(), region, SIZE, 0.5))
+        assert (back & berry).sum() >= share * (back | berry).sum()
 
 
 @pytest.mark.parametrize("side", [1.5, 80.0, 300.0])

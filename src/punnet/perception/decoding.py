@@ -1,7 +1,8 @@
 """From a network's raw detections to :class:`~punnet.scene.Strawberries`, in NumPy and OpenCV alone.
 
-Masks are laid over the image as torchvision's ``paste_masks_in_image`` does, key-points read off as its
-``heatmaps_to_keypoints`` does; tests hold the two against one another.
+Key-points are read off as torchvision's ``heatmaps_to_keypoints`` does. Masks are not laid over the image as its
+``paste_masks_in_image`` does, which rounds their regions to whole pixels: of masks that are perfect, on StrawDI reduced to
+640 pixels, one in seven is left with an IoU under .9. Here the resampling is the exact inverse of training's.
 """
 
 from __future__ import annotations
@@ -22,7 +23,6 @@ __all__ = ["Patch", "decode_detections", "decode_heatmaps", "paste_mask", "witho
 _LOG = logging.getLogger(__name__)
 DUPLICATE_IOU = 0.7
 MASK_BYTES = 4_000_000_000
-_RING = 1  # empty cells around a mask, so that its edge may lie inside the region's outermost cells
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,21 +47,25 @@ class Patch:
 def paste_mask(
     probabilities: NDArray[np.float32], region: NDArray[np.float64], size: tuple[int, int], threshold: float
 ) -> Patch:
-    """Resample a mask (M, M) over its region (4,) xyxy and cut it at the threshold and the image's edges."""
+    """Resample a mask (M, M) over its region (4,) xyxy and cut it at the threshold and the image's edges.
+
+    The exact inverse of RoIAlign, by which networks are shown their masks in training: the pixel with index ``i`` lies at
+    ``(i - x0) * M / (x1 - x0) - 1/2`` cells.
+    """
     cells = len(probabilities)
-    padded = cv2.copyMakeBorder(probabilities, _RING, _RING, _RING, _RING, cv2.BORDER_CONSTANT, value=0.0)
-    # In single precision, as the network's own framework does it: a pixel more or less is decided by a rounding.
-    region = region.astype(np.float32)
-    half = (region[2:] - region[:2]) * np.float32(0.5) * np.float32((cells + 2 * _RING) / cells)
-    centre = (region[2:] + region[:2]) * np.float32(0.5)
-    u0, v0 = (int(edge) for edge in centre - half)
-    u1, v1 = (int(edge) for edge in centre + half)
-    width, height = max(u1 - u0 + 1, 1), max(v1 - v0 + 1, 1)
-    resampled = np.asarray(cv2.resize(padded, (width, height), interpolation=cv2.INTER_LINEAR))
-    top, left = max(v0, 0), max(u0, 0)
-    bottom, right = min(v0 + height, size[0]), min(u0 + width, size[1])
-    inside = resampled[top - v0 : max(bottom, top) - v0, left - u0 : max(right, left) - u0] > threshold
-    return Patch(top, left, inside)
+    (u0, v0), (u1, v1) = np.floor(region[:2]), np.ceil(region[2:]) + 1
+    left, top = max(int(u0), 0), max(int(v0), 0)
+    right, bottom = min(int(u1), size[1]), min(int(v1), size[0])
+    if right <= left or bottom <= top:
+        return Patch(top, left, np.zeros((0, 0), dtype=np.bool_))
+    density = cells / np.maximum(region[2:] - region[:2], 1e-3)
+    first = (np.array([left, top]) - region[:2]) * density - 0.5
+    to_cells = np.array([[density[0], 0.0, first[0]], [0.0, density[1], first[1]]])
+    # Outside its region there is no berry: the border is constant zero.
+    resampled = cv2.warpAffine(
+        probabilities, to_cells, (right - left, bottom - top), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    )
+    return Patch(top, left, np.asarray(resampled) > threshold)
 
 
 def decode_heatmaps(heatmaps: NDArray[np.float32], regions: NDArray[np.float32]) -> NDArray[np.float64]:
@@ -110,7 +114,8 @@ def decode_detections(
         Probability above which a pixel belongs to the berry.
     """
     factor = np.array([frame_size[1] / network_size[1], frame_size[0] / network_size[0]])
-    regions = raw.regions * np.tile(factor, 2)
+    # Masks and key-points are measured from pixel to pixel, boxes from edge to edge.
+    regions = (raw.regions + 0.5) * np.tile(factor, 2) - 0.5
     patches = [
         paste_mask(mask, region, frame_size, mask_threshold)
         for mask, region in zip(raw.masks, regions, strict=True)
@@ -120,7 +125,6 @@ def decode_detections(
     masks = np.zeros((len(rows), *frame_size), dtype=np.bool_)
     for mask, row in zip(masks, rows, strict=True):
         mask[patches[row].window()] = patches[row].inside
-    # Pixel centres, not edges, are what key-points are measured from.
     keypoints = (decode_heatmaps(raw.heatmaps, raw.regions) + 0.5) * factor - 0.5
     visibility = raw.visibility.argmax(axis=2).astype(np.int64)
     outside = ((keypoints < -0.5) | (keypoints > np.array(frame_size[::-1]) - 0.5)).any(axis=2)
