@@ -1,0 +1,219 @@
+"""The folder of a simulated data set: how it is begun, gone on with, filled plant by plant, and completed."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+import punnet
+from punnet.errors import FileFormatError, OutputError, OutputExistsError
+from punnet.outputs import MARKER_FILE
+from punnet.scene import CLASSES, KEYPOINTS
+from punnet.sim.labelled_views import LabelledView
+from punnet.sim.still_scene import PHOTO_INTRINSICS
+
+__all__ = ["FactoryReport", "complete", "describe", "is_finished", "open_folder", "write_shard", "write_view"]
+
+SCHEMA = "punnet-simulated-data/1"
+GENERATOR = 1
+"""Raised whenever the same seed gives other bytes."""
+
+_DESCRIPTION, _ANNOTATIONS, _SHARDS = "data.json", "annotations.json", ".plants"
+_JPEG_QUALITY = 92
+_DEPTH_UNIT = 0.001
+_LICENCES = [
+    {"id": 1, "name": "CC0 1.0", "url": "https://creativecommons.org/publicdomain/zero/1.0/"},
+    {
+        "id": 2,
+        "name": "CC BY 4.0 (leaf textures, see punnet/sim/assets/leaves/ATTRIBUTION.txt)",
+        "url": "https://creativecommons.org/licenses/by/4.0/",
+    },
+]
+
+
+@dataclass(frozen=True)
+class FactoryReport:
+    """What a run has made.
+
+    Parameters
+    ----------
+    folder
+        Where the data set is.
+    images, plants, annotations, crowd
+        How many there are in it; ``annotations`` includes ``crowd``.
+    made, kept
+        Images made by this run, and by earlier ones.
+    megabytes
+        On disk.
+    """
+
+    folder: Path
+    images: int
+    plants: int
+    annotations: int
+    crowd: int
+    made: int
+    kept: int
+    megabytes: float
+
+
+def describe(images: int, seed: int) -> dict[str, Any]:
+    """Write down what decides the bytes of the data set."""
+    return {
+        "schema": SCHEMA,
+        "command": f"punnet data simulate --images {images} --seed {seed}",
+        "punnet": punnet.__version__,
+        "generator": GENERATOR,
+        "images": images,
+        "seed": seed,
+        "complete": False,
+    }
+
+
+def open_folder(place: Path, description: dict[str, Any], force: bool) -> None:
+    """Make the folder, or find that it holds the beginning of the same data set."""
+    if place.exists() and not place.is_dir():
+        raise OutputError(
+            f"{place}: can't be made, a file stands where a folder is needed; give another folder"
+        )
+    found = _read_description(place)
+    if found is None and place.is_dir() and any(place.iterdir()):
+        raise OutputExistsError(f"{place}: exists and is no simulated data set; give another folder")
+    if found is not None and force:
+        shutil.rmtree(place)
+        found = None
+    if found is not None:
+        if found.get("complete"):
+            raise OutputExistsError(f"{place}: is complete; give another folder or --force to make it anew")
+        other = [name for name in description if description[name] != found.get(name)]
+        if other:
+            was = ", ".join(f"{name} {found.get(name)!r}" for name in other)
+            raise OutputExistsError(
+                f"{place}: was begun with {was}; go on with the same, give another folder, or --force"
+            )
+        return
+    try:
+        for name in ("rgb", "depth", _SHARDS):
+            (place / name).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{place}: can't be written ({error.strerror}); give another folder") from error
+    _write(place / MARKER_FILE, _json({"made_by": "punnet", "complete": False}))
+    _write(place / "camera.json", _json({"depth_scale": _DEPTH_UNIT, "camera": PHOTO_INTRINSICS.to_json()}))
+    _write(place / _DESCRIPTION, _json(description))
+
+
+def _read_description(place: Path) -> dict[str, Any] | None:
+    path = place / _DESCRIPTION
+    if not path.is_file():
+        return None
+    try:
+        found = json.loads(path.read_text())
+    except ValueError as error:
+        raise FileFormatError(f"{path}: not readable as JSON ({error}); remove the folder") from error
+    if not isinstance(found, dict) or found.get("schema") != SCHEMA:
+        raise FileFormatError(
+            f"{path}: no description of a simulated data set ({SCHEMA}); give another folder"
+        )
+    return found
+
+
+def write_view(folder: Path, name: str, group: str, setting: str, labelled: LabelledView) -> dict[str, Any]:
+    """Write colour and depth; the image's entry of the shard."""
+    rgb, depth = f"rgb/{name}.jpg", f"depth/{name}.png"
+    _write(folder / rgb, _encoded(".jpg", labelled.rgb[:, :, ::-1], cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY))
+    counts = np.rint(labelled.depth / np.float32(_DEPTH_UNIT)).astype(np.uint16)
+    _write(folder / depth, _encoded(".png", counts, cv2.IMWRITE_PNG_COMPRESSION, 3))
+    image = {
+        "file_name": rgb,
+        "width": PHOTO_INTRINSICS.width,
+        "height": PHOTO_INTRINSICS.height,
+        "depth_path": depth,
+        "camera": PHOTO_INTRINSICS.to_json(),
+        "T_base_camera": [[round(float(v), 7) for v in row] for row in labelled.T_base_camera],
+        "group": group,
+        "view": labelled.view,
+        "setting": setting,
+    }
+    return {"image": image, "annotations": labelled.annotations}
+
+
+def complete(place: Path, description: dict[str, Any], plants: int, *, made: int) -> FactoryReport:
+    """Join the shards into ``annotations.json``, in the order of the plants."""
+    images: list[dict[str, Any]] = []
+    annotations: list[dict[str, Any]] = []
+    for plant in range(plants):
+        for entry in json.loads(_shard_path(place, plant).read_text()):
+            images.append({"id": len(images) + 1, **entry["image"]})
+            for annotation in entry["annotations"]:
+                ids = {"id": len(annotations) + 1, "image_id": len(images)}
+                annotations.append(ids | annotation)
+    skeleton = [[1, 2], [2, 3], [4, 5]]
+    categories = [
+        {"id": number, "name": name, "keypoints": list(KEYPOINTS), "skeleton": skeleton}
+        for number, name in enumerate(CLASSES, start=1)
+    ]
+    description = description | {"complete": True}
+    document = {
+        "info": {"description": "Simulated strawberries, labelled exactly", **description},
+        "licenses": _LICENCES,
+        "images": images,
+        "annotations": annotations,
+        "categories": categories,
+    }
+    _write(place / _ANNOTATIONS, json.dumps(document, allow_nan=False, separators=(",", ":")).encode())
+    _write(place / _DESCRIPTION, _json(description))
+    _write(place / MARKER_FILE, _json({"made_by": "punnet", "complete": True}))
+    shutil.rmtree(place / _SHARDS)
+    for half in (*(place / "rgb").glob(".*"), *(place / "depth").glob(".*")):
+        half.unlink()  # begun by a run that was killed
+    size = sum(path.stat().st_size for path in place.rglob("*") if path.is_file())
+    return FactoryReport(
+        folder=place,
+        images=len(images),
+        plants=plants,
+        annotations=len(annotations),
+        crowd=sum(annotation["iscrowd"] for annotation in annotations),
+        made=made,
+        kept=len(images) - made,
+        megabytes=size / 1e6,
+    )
+
+
+def is_finished(place: Path, plant: int) -> bool:
+    """Whether a plant's images and labels are all there."""
+    return _shard_path(place, plant).is_file()
+
+
+def write_shard(place: Path, plant: int, entries: list[dict[str, Any]]) -> None:
+    """Write a plant's labels, the entries of :func:`write_view`: from then on it counts as finished."""
+    _write(_shard_path(place, plant), _json(entries))
+
+
+def _shard_path(place: Path, plant: int) -> Path:
+    return place / _SHARDS / f"{plant:06d}.json"
+
+
+def _json(value: Any) -> bytes:
+    return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
+
+
+def _encoded(suffix: str, image: NDArray[Any], *options: int) -> bytes:
+    done, encoded = cv2.imencode(suffix, image, list(options))
+    if not done:
+        raise OutputError(f"an image of {image.shape} could not be encoded as {suffix}")
+    return bytes(encoded.tobytes())
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write a file in one step: there is never half of it."""
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    beside.write_bytes(content)
+    beside.replace(path)
