@@ -26,6 +26,7 @@ from punnet.sim.simulated_folder import (
     is_finished,
     open_folder,
     write_shard,
+    write_view,
 )
 from punnet.sim.still_scene import PHOTO_INTRINSICS, build_still_scene
 
