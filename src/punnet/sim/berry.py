@@ -54,8 +54,8 @@ class RipenessStage(IntEnum):
 
     @property
     def pluckable(self) -> bool:
-        """Whether it is picked: ripe, and over-ripe too, for left on the plant it rots and spreads mould."""
-        return self in (RipenessStage.RIPE, RipenessStage.OVERRIPE)
+        """Whether it is picked: ripe, and neither over-ripe nor rotten, as the thesis has it (section 3.3.1)."""
+        return self is RipenessStage.RIPE
 
 
 # Length in metres of berries that still grow; later stages are drawn by mass, turning ones a little lighter.

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from punnet.geometry import make_transform, rotation_from_vector
 from punnet.scene import Visibility
-from punnet.sim.berry import RipenessStage
 from punnet.sim.camera_effects import apply_effects, draw_effects
 from punnet.sim.depth_sensor import StereoDepthModel
 from punnet.sim.rendering import CameraRenderer
@@ -27,13 +26,10 @@ from punnet.sim.truth import (
     true_keypoints,
 )
 
-__all__ = ["PLUCKABLE_STAGES", "VIEWS", "LabelledView", "draw_pose", "label_berries", "photograph"]
+__all__ = ["VIEWS", "LabelledView", "draw_pose", "label_berries", "photograph"]
 
 VIEWS = {"far": (0.45, 0.65), "middle": (0.33, 0.45), "near": (0.20, 0.32)}
 """Metres from the camera to what it aims at."""
-
-PLUCKABLE_STAGES = (RipenessStage.RIPE,)
-"""Stages labelled pluckable. The thesis (section 3.2) leaves over-ripe and rotten fruit, as it does unripe and half-ripe."""
 
 LEAST_COUNTED_PIXELS = 100
 LEAST_COUNTED_SHARE = 0.2
@@ -141,7 +137,7 @@ def label_berries(
         crowd = counts[index] < LEAST_COUNTED_PIXELS or showing < LEAST_COUNTED_SHARE
         annotations.append(
             {
-                "category_id": 1 if hanging.berry.stage in PLUCKABLE_STAGES else 2,
+                "category_id": 1 if hanging.berry.stage.pluckable else 2,
                 **_box_and_mask(boxes[row], mask),
                 "iscrowd": int(crowd),
                 **_keypoint_fields(keypoints.pixels[row], keypoints.depths[row], keypoints.visibility[row]),
