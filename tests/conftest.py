@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from pathlib import Path
 
@@ -9,6 +10,11 @@ import numpy as np
 import pytest
 
 os.environ.setdefault("MPLBACKEND", "agg")
+
+# PyTorch and Mesa's software renderer both bring LLVM: loaded after a picture was rendered, PyTorch crashes (triton).
+with contextlib.suppress(ImportError):
+    import torch  # noqa: F401
+    import torchvision  # noqa: F401
 
 
 @pytest.fixture(scope="session")
