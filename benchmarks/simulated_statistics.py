@@ -1,7 +1,8 @@
-"""Shape, size, occlusion, ripeness and weight of simulated berries beside those of real ones.
+r"""Shape, size, occlusion, ripeness and weight of simulated berries beside those of real ones.
 
-    punnet data simulate --images 600 --seed 2 --workers 2 --out sim-600
-    python benchmarks/simulated_statistics.py --simulated sim-600 --real ../shared/data --figure docs/figures/simulated-data.png
+    punnet data simulate --images 3000 --seed 1 --workers 2 --out train
+    python benchmarks/simulated_statistics.py --simulated train --real ../shared/data \
+        --figure docs/figures/simulated-data.png --sheet docs/figures/simulated-images.jpg
 
 Real outlines: StrawDI_Db1, 16,234 polygons in 2,800 photographs (``strawdi_masks``); real weights: the berries weighed
 for Tafuro et al., ICRA 2022 (``dyson``). Only histograms of them leave this script. Outlines are compared at the same
@@ -17,6 +18,7 @@ import json
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -141,6 +143,7 @@ def main() -> None:
     parser.add_argument("--simulated", type=Path, required=True)
     parser.add_argument("--real", type=Path, default=Path("../shared/data"))
     parser.add_argument("--figure", type=Path)
+    parser.add_argument("--sheet", type=Path, help="contact sheet of one plant in each kind of surroundings")
     options = parser.parse_args()
     real, real_counts = read_real(options.real / "strawdi_masks" / "train_polygons.json.gz")
     ours, our_counts, occlusion, our_weights = read_simulated(options.simulated)
@@ -174,6 +177,8 @@ def main() -> None:
     )
     if options.figure:
         draw(panels, options.figure)
+    if options.sheet:
+        draw_sheet(options.simulated, options.sheet)
 
 
 def draw(
@@ -199,6 +204,43 @@ def draw(
         axes.spines[["top", "left", "right"]].set_visible(False)
     figure.axes[0].legend(frameon=False)
     figure.savefig(path)
+
+
+def draw_sheet(folder: Path, path: Path) -> None:
+    """Two plants in each kind of surroundings, the three views of each; the second plant's with their labels."""
+    data = json.loads((folder / "annotations.json").read_text())
+    plants: dict[str, list[str]] = {}
+    for image in data["images"]:
+        known = plants.setdefault(image["setting"], [])
+        if image["group"] not in known:
+            known.append(image["group"])
+    rows = []
+    for groups in plants.values():
+        pictures = []
+        for group, labelled in zip(groups[1:3], (False, True), strict=True):
+            for image in (image for image in data["images"] if image["group"] == group):
+                picture = cv2.imread(str(folder / image["file_name"]))
+                if labelled:
+                    for annotation in data["annotations"]:
+                        if annotation["image_id"] == image["id"]:
+                            draw_label(picture, annotation)
+                pictures.append(cv2.resize(picture, (240, 180), interpolation=cv2.INTER_AREA))
+        rows.append(np.hstack(pictures))
+    cv2.imwrite(str(path), np.vstack(rows), [cv2.IMWRITE_JPEG_QUALITY, 82])
+
+
+def draw_label(picture: NDArray[np.uint8], annotation: dict[str, Any]) -> None:
+    """Outline (pluckable red, else yellow; crowd thin) and key-points: visible filled, else hollow."""
+    from faster_coco_eval.core import mask as rasteriser
+
+    mask = rasteriser.decode(annotation["segmentation"])
+    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    colour = (80, 40, 255) if annotation["category_id"] == 1 else (60, 220, 255)
+    cv2.drawContours(picture, contours, -1, colour, 1 if annotation["iscrowd"] else 3)
+    for u, v, flag in np.array(annotation["keypoints"]).reshape(5, 3):
+        if flag:
+            middle = (round(u), round(v))
+            cv2.circle(picture, middle, 5, (255, 255, 255), -1 if flag == 2 else 2, cv2.LINE_AA)
 
 
 if __name__ == "__main__":

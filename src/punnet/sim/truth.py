@@ -83,8 +83,7 @@ def berry_of_geom(plant: GrownPlant) -> NDArray[np.int64]:
 
 def shown_berries(plant: GrownPlant, segmentation: NDArray[np.int32]) -> NDArray[np.int64]:
     """(H, W) index of the berry that each pixel shows, −1 for all else; from geometry ids (H, W)."""
-    owner = berry_of_geom(plant)
-    return np.where(segmentation >= 0, owner[np.maximum(segmentation, 0)], -1)
+    return np.asarray(np.append(berry_of_geom(plant), -1)[segmentation])  # the background, −1, takes the last
 
 
 def true_picking_points(plant: GrownPlant) -> NDArray[np.float64]:
@@ -241,7 +240,7 @@ def keypoint_boxes(masks: NDArray[np.bool_], keypoints: NDArray[np.float64]) -> 
     """Xyxy boxes (N, 4) that hold the mask and the key-points in view."""
     boxes = np.zeros((len(masks), 4))
     for row, (mask, points) in enumerate(zip(masks, keypoints, strict=True)):
-        v, u = np.nonzero(mask)
+        v, u = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
         inside = points[np.isfinite(points).all(axis=1)]
         low = np.minimum((u.min(), v.min()), inside.min(axis=0, initial=np.inf))
         high = np.maximum((u.max() + 1, v.max() + 1), inside.max(axis=0, initial=-np.inf))
