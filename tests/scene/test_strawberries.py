@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from punnet.errors import FileFormatError, ShapeError
 from punnet.scene import Strawberries, Target
-from punnet.scene.masks import decode_mask, encode_mask
+from punnet.scene.masks import decode_mask, encode_mask, run_lengths
 
 
 def some_berries(rng, n=4, size=(20, 30)):
@@ -114,16 +114,35 @@ def test_damaged_json_is_refused_with_our_error(rng, damage):
 @given(arrays(np.bool_, st.tuples(st.integers(1, 9), st.integers(1, 9))))
 def test_run_lengths_hold_any_mask(mask):
     encoded = encode_mask(mask)
-    assert sum(encoded["counts"]) == mask.size
+    size, counts = run_lengths(encoded)
+    assert (size, counts.sum()) == (mask.shape, mask.size)
     assert (decode_mask(encoded) == mask).all()
+    assert (decode_mask({"size": encoded["size"], "counts": counts.tolist()}) == mask).all()
 
 
-def test_run_lengths_are_those_of_coco(rng):
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.6, 1.0])
+def test_run_lengths_are_those_of_coco(rng, share):
     from faster_coco_eval.core import mask as coco
 
-    mask = rng.random((13, 17)) > 0.6
-    compressed = coco.frPyObjects(encode_mask(mask), 13, 17)
-    assert (coco.decode(compressed).astype(bool) == mask).all()
+    mask = rng.random((130, 170)) < share
+    theirs = coco.encode(np.asfortranarray(mask, dtype=np.uint8))
+    assert encode_mask(mask) == {"size": [130, 170], "counts": theirs["counts"].decode()}
+    assert (decode_mask(theirs) == mask).all()
+
+
+@settings(deadline=None, max_examples=200)
+@given(
+    counts=st.text(max_size=12)
+    | st.text(st.characters(min_codepoint=48, max_codepoint=111), max_size=12)
+    | st.lists(st.integers(-(2**70), 2**70), max_size=6)
+    | st.none()
+)
+def test_damaged_run_lengths_are_refused_with_our_error(counts):
+    try:
+        mask = decode_mask({"size": [4, 5], "counts": counts})
+    except FileFormatError:
+        return
+    assert mask.shape == (4, 5)
 
 
 def test_a_target_is_checked():
