@@ -14,7 +14,15 @@ from numpy.typing import NDArray
 from punnet.errors import ShapeError
 from punnet.scene import CLASSES, KEYPOINTS, Strawberries
 
-__all__ = ["COCO_THRESHOLDS", "Collection", "ThresholdScores", "collect", "score_collection"]
+__all__ = [
+    "COCO_THRESHOLDS",
+    "Collection",
+    "ImageEntries",
+    "ThresholdScores",
+    "Truth",
+    "collect",
+    "score_collection",
+]
 
 COCO_THRESHOLDS = tuple(round(0.5 + 0.05 * step, 2) for step in range(10))
 # COCO takes every detected key-point at its coordinates; nothing is similar to a point this far away.
@@ -23,35 +31,100 @@ Kind = Literal["segm", "keypoints"]
 
 
 @dataclass(frozen=True, eq=False)
-class Collection:
-    """Annotations and detections of a set of images as COCO entries; category ids are class + 1.
+class Truth:
+    """What is annotated in one image.
 
     Parameters
     ----------
-    images, truths, detections
-        COCO dictionaries, masks as compressed run lengths.
+    berries
+        Those that count.
+    ignored
+        Those too little seen to count (COCO's ``iscrowd``): a detection of the same class that lies on one is neither right
+        nor wrong.
     """
 
-    images: list[dict[str, Any]]
+    berries: Strawberries
+    ignored: Strawberries
+
+
+@dataclass(frozen=True, eq=False)
+class ImageEntries:
+    """COCO dictionaries of one image, masks as compressed run lengths."""
+
     truths: list[dict[str, Any]]
+    ignored: list[dict[str, Any]]
     detections: list[dict[str, Any]]
 
-    @staticmethod
-    def count(entries: Sequence[dict[str, Any]], berry_class: int | None) -> int:
-        """How many entries are of a class; all of them for None."""
-        return sum(berry_class is None or entry["category_id"] == berry_class + 1 for entry in entries)
+
+class Collection:
+    """Annotations and detections of a set of images as COCO entries; category ids are class + 1.
+
+    Masks are run-length coded when an image is added, so a large set does not lie in memory.
+    """
+
+    def __init__(self) -> None:
+        self.images: list[dict[str, Any]] = []
+        self.truths: list[dict[str, Any]] = []
+        self.detections: list[dict[str, Any]] = []
+
+    def add(self, truth: Strawberries | Truth, found: Strawberries) -> ImageEntries:
+        """Take in one image.
+
+        Raises
+        ------
+        ShapeError
+            If image sizes differ, or berries lack masks.
+        """
+        index = len(self.images)
+        if isinstance(truth, Strawberries):
+            truth = Truth(truth, Strawberries.empty(truth.image_size))
+        size = truth.berries.image_size
+        if truth.ignored.image_size != size or found.image_size != size:
+            raise ShapeError(
+                f"evaluation: image {index} is {size} in truth but {found.image_size} in predicted "
+                f"(ignored: {truth.ignored.image_size})"
+            )
+        encoder = _Encoder(size)
+        image_id = index + 1
+        entries = ImageEntries(
+            truths=_entries(truth.berries, encoder, image_id, len(self.truths)),
+            ignored=_entries(truth.ignored, encoder, image_id, len(self.truths) + len(truth.berries)),
+            detections=_entries(found, encoder, image_id, len(self.detections)),
+        )
+        for entry in entries.ignored:
+            entry |= {"iscrowd": 1, "keypoints": [0.0] * (3 * len(KEYPOINTS)), "num_keypoints": 0}
+        self.images.append({"id": image_id, "height": size[0], "width": size[1]})
+        self.truths += entries.truths + entries.ignored
+        self.detections += entries.detections
+        return entries
+
+    def counted(self, berry_class: int | None) -> int:
+        """How many annotations of a class count; of all classes for None."""
+        return _count([entry for entry in self.truths if not entry["iscrowd"]], berry_class)
+
+    def found(self, berry_class: int | None) -> int:
+        """How many detections are of a class; of all classes for None."""
+        return _count(self.detections, berry_class)
 
 
-@dataclass(frozen=True, slots=True)
+def _count(entries: Sequence[dict[str, Any]], berry_class: int | None) -> int:
+    return sum(berry_class is None or entry["category_id"] == berry_class + 1 for entry in entries)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class ThresholdScores:
-    """AP by threshold, and AP and recall averaged over .50:.05:.95; NaN without annotations."""
+    """AP by threshold, AP and recall averaged over .50:.05:.95; NaN without annotations.
+
+    ``precision`` holds, by threshold, the interpolated precision (101,) at recall 0, .01 … 1; empty without annotations.
+    """
 
     ap: dict[float, float]
     ap_mean: float
     ar: float
+    precision: dict[float, NDArray[np.float64]]
 
 
-def collect(truth: Iterable[Strawberries], predicted: Iterable[Strawberries]) -> Collection:
+def collect(truth: Iterable[Strawberries | Truth], predicted: Iterable[Strawberries]) -> Collection:
     """Turn two series of images' berries into COCO entries, one image at a time.
 
     Raises
@@ -59,39 +132,55 @@ def collect(truth: Iterable[Strawberries], predicted: Iterable[Strawberries]) ->
     ShapeError
         If the series differ in length or image sizes, or berries lack masks.
     """
-    collection = Collection([], [], [])
+    collection = Collection()
     for index, (annotated, found) in enumerate(zip_longest(truth, predicted)):
         if annotated is None or found is None:
             raise ShapeError(
                 f"evaluation: only one of truth and predicted has an image {index}; give as many of both"
             )
-        if annotated.image_size != found.image_size:
-            raise ShapeError(
-                f"evaluation: image {index} is {annotated.image_size} in truth but "
-                f"{found.image_size} in predicted"
-            )
-        height, width = annotated.image_size
-        collection.images.append({"id": index + 1, "height": height, "width": width})
-        for berries, entries in ((annotated, collection.truths), (found, collection.detections)):
-            for berry in range(len(berries)):
-                entries.append(_entry(berries, berry, index + 1, len(entries) + 1))
+        collection.add(annotated, found)
     return collection
 
 
-def _entry(berries: Strawberries, berry: int, image_id: int, entry_id: int) -> dict[str, Any]:
-    from faster_coco_eval.core import mask as run_lengths
+class _Encoder:
+    """Run lengths of masks that fill a small part of the image: only that part is turned to column order."""
 
+    def __init__(self, size: tuple[int, int]) -> None:
+        self._plane = np.zeros(size, dtype=np.uint8, order="F")
+
+    def encode(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
+        from faster_coco_eval.core import mask as run_lengths
+
+        rows = np.flatnonzero(mask.any(axis=1))
+        if not rows.size:
+            return dict(run_lengths.encode(self._plane))
+        band = mask[rows[0] : rows[-1] + 1]
+        columns = np.flatnonzero(band.any(axis=0))
+        part = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
+        self._plane[part] = mask[part]
+        encoded = dict(run_lengths.encode(self._plane))
+        self._plane[part] = 0
+        return encoded
+
+
+def _entries(berries: Strawberries, encoder: _Encoder, image_id: int, count: int) -> list[dict[str, Any]]:
+    return [_entry(berries, berry, encoder, image_id, count + berry + 1) for berry in range(len(berries))]
+
+
+def _entry(
+    berries: Strawberries, berry: int, encoder: _Encoder, image_id: int, entry_id: int
+) -> dict[str, Any]:
     if berries.masks is None:
         raise ShapeError(
             f"evaluation: the berries of image {image_id - 1} have no masks; average precision needs them"
         )
-    mask: NDArray[np.bool_] = np.asarray(berries.masks[berry])
+    mask: NDArray[np.bool_] = berries.masks[berry]
     left, top, right, bottom = berries.boxes[berry].tolist()
     entry: dict[str, Any] = {
         "id": entry_id,
         "image_id": image_id,
         "category_id": int(berries.classes[berry]) + 1,
-        "segmentation": run_lengths.encode(np.asfortranarray(mask, dtype=np.uint8)),
+        "segmentation": encoder.encode(mask),
         "bbox": [left, top, right - left, bottom - top],
         "area": int(mask.sum()),
         "iscrowd": 0,
@@ -139,7 +228,9 @@ def score_collection(
     if not collection.truths or (
         kind == "keypoints" and not any(t["num_keypoints"] for t in collection.truths)
     ):
-        empty = ThresholdScores(dict.fromkeys(thresholds, math.nan), math.nan, math.nan)
+        empty = ThresholdScores(
+            dict.fromkeys(thresholds, math.nan), math.nan, math.nan, dict.fromkeys(thresholds, np.zeros(0))
+        )
         return [empty] * len(categories)
     precision, recall = _tables(collection, kind, evaluated, sigmas, most_detections, categories)
     positions = {threshold: evaluated.index(threshold) for threshold in evaluated}
@@ -149,6 +240,7 @@ def score_collection(
             ap={t: _average(precision[positions[t], :, k]) for t in thresholds},
             ap_mean=_average(precision[standard, :, k]),
             ar=_average(recall[standard, k]),
+            precision={t: _known(precision[positions[t], :, k]) for t in thresholds},
         )
         for k in range(len(categories))
     ]
@@ -190,6 +282,10 @@ def _tables(
     return precision[:, :, :, 0, 0], recall[:, :, 0, 0]
 
 
+def _known(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    return values[values > -1]
+
+
 def _average(values: NDArray[np.float64]) -> float:
-    known = values[values > -1]
+    known = _known(values)
     return float(known.mean()) if known.size else math.nan

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from punnet.errors import ConfigurationError
-from punnet.perception.coco_scoring import COCO_THRESHOLDS, collect, score_collection
+from punnet.perception.coco_scoring import COCO_THRESHOLDS, Collection, Truth, collect, score_collection
 from punnet.scene import CLASSES, KEYPOINTS, Strawberries
 
 __all__ = [
@@ -22,7 +25,10 @@ __all__ = [
     "OKS_THRESHOLDS",
     "ClassScores",
     "DetectionScores",
+    "ScoreSettings",
+    "Truth",
     "evaluate_detections",
+    "score_detections",
 ]
 
 IOU_THRESHOLDS = (0.5, 0.7, 0.9)
@@ -34,7 +40,7 @@ EVERY_CLASS = "any class"
 MEAN_OF_CLASSES = "mean"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class ClassScores:
     """Scores of one class. NaN where nothing was annotated.
 
@@ -52,6 +58,8 @@ class ClassScores:
         Average precision by OKS threshold.
     keypoint_ap_mean, keypoint_ar
         AP and recall averaged over OKS .50:.05:.95.
+    mask_precision, keypoint_precision
+        Interpolated precision (101,) at recall 0, .01 … 1, by threshold; empty without annotations and for "mean".
     """
 
     name: str
@@ -63,6 +71,8 @@ class ClassScores:
     keypoint_ap: dict[float, float]
     keypoint_ap_mean: float
     keypoint_ar: float
+    mask_precision: dict[float, NDArray[np.float64]] = field(default_factory=dict)
+    keypoint_precision: dict[float, NDArray[np.float64]] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON, NaN as null."""
@@ -79,7 +89,7 @@ class ClassScores:
         }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class DetectionScores:
     """Scores of a detector over a set of images.
 
@@ -126,27 +136,12 @@ class DetectionScores:
         )
 
 
-def evaluate_detections(
-    truth: Iterable[Strawberries],
-    predicted: Iterable[Strawberries],
-    *,
-    iou_thresholds: Sequence[float] = IOU_THRESHOLDS,
-    oks_thresholds: Sequence[float] = OKS_THRESHOLDS,
-    sigmas: Sequence[float] = KEYPOINT_SIGMAS,
-    most_detections: int = 100,
-) -> DetectionScores:
-    """Score detections against annotations, image by image in the same order.
-
-    Both may be generators: masks are run-length coded as they come, so a large set never lies in memory at
-    once. Annotated berries without any visible or hidden key-point do not count for OKS, as in COCO. The
-    scale s of Eq. 3.7 is the square root of the annotated mask's area.
+@dataclass(frozen=True, slots=True)
+class ScoreSettings:
+    """How detections are scored.
 
     Parameters
     ----------
-    truth
-        Annotated berries, an item an image.
-    predicted
-        Found berries, an item an image.
     iou_thresholds, oks_thresholds
         Where average precision is told, in (0, 1).
     sigmas
@@ -156,30 +151,95 @@ def evaluate_detections(
 
     Raises
     ------
-    ShapeError
-        If the two differ in length or image sizes, or one side lacks masks.
     ConfigurationError
         If a threshold lies outside (0, 1), or ``sigmas`` are not five positive numbers.
     """
-    _check_settings(iou_thresholds, oks_thresholds, sigmas, most_detections)
-    collection = collect(truth, predicted)
+
+    iou_thresholds: tuple[float, ...] = IOU_THRESHOLDS
+    oks_thresholds: tuple[float, ...] = OKS_THRESHOLDS
+    sigmas: tuple[float, ...] = KEYPOINT_SIGMAS
+    most_detections: int = 100
+
+    def __post_init__(self) -> None:
+        for name in ("iou_thresholds", "oks_thresholds"):
+            thresholds = getattr(self, name)
+            if not thresholds or not all(0 < threshold < 1 for threshold in thresholds):
+                raise ConfigurationError(f"evaluation: {name} must lie in (0, 1), got {list(thresholds)}")
+        if len(self.sigmas) != len(KEYPOINTS) or not all(math.isfinite(s) and s > 0 for s in self.sigmas):
+            raise ConfigurationError(
+                f"evaluation: sigmas must be {len(KEYPOINTS)} positive numbers, got {list(self.sigmas)}"
+            )
+        if self.most_detections < 1:
+            raise ConfigurationError(
+                f"evaluation: most_detections must be at least 1, got {self.most_detections}"
+            )
+
+
+def evaluate_detections(
+    truth: Iterable[Strawberries | Truth],
+    predicted: Iterable[Strawberries],
+    settings: ScoreSettings | None = None,
+) -> DetectionScores:
+    """Score detections against annotations, image by image in the same order.
+
+    Both may be generators: masks are run-length coded as they come, so a large set never lies in memory at
+    once.
+
+    Parameters
+    ----------
+    truth
+        Annotated berries, an item an image; as a :class:`Truth` where some are to be ignored.
+    predicted
+        Found berries, an item an image.
+    settings
+        Thresholds and OKS constants.
+
+    Raises
+    ------
+    ShapeError
+        If the two differ in length or image sizes, or one side lacks masks.
+    """
+    return score_detections(collect(truth, predicted), settings)
+
+
+def score_detections(collection: Collection, settings: ScoreSettings | None = None) -> DetectionScores:
+    """Score what was collected.
+
+    As in COCO, annotated berries without any visible or hidden key-point do not count for OKS. The scale s of
+    Eq. 3.7 is the square root of the annotated mask's area.
+    """
+    settings = ScoreSettings() if settings is None else settings
     rows: list[ClassScores] = []
     for merged, names in ((False, CLASSES), (True, (EVERY_CLASS,))):
-        masks = score_collection(collection, "segm", iou_thresholds, sigmas, most_detections, merged=merged)
+        masks = score_collection(
+            collection,
+            "segm",
+            settings.iou_thresholds,
+            settings.sigmas,
+            settings.most_detections,
+            merged=merged,
+        )
         points = score_collection(
-            collection, "keypoints", oks_thresholds, sigmas, most_detections, merged=merged
+            collection,
+            "keypoints",
+            settings.oks_thresholds,
+            settings.sigmas,
+            settings.most_detections,
+            merged=merged,
         )
         rows += [
             ClassScores(
                 name=name,
-                truths=collection.count(collection.truths, None if merged else k),
-                detections=collection.count(collection.detections, None if merged else k),
+                truths=collection.counted(None if merged else k),
+                detections=collection.found(None if merged else k),
                 mask_ap=masks[k].ap,
                 mask_ap_mean=masks[k].ap_mean,
                 mask_ar=masks[k].ar,
                 keypoint_ap=points[k].ap,
                 keypoint_ap_mean=points[k].ap_mean,
                 keypoint_ar=points[k].ar,
+                mask_precision=masks[k].precision,
+                keypoint_precision=points[k].precision,
             )
             for k, name in enumerate(names)
         ]
@@ -205,20 +265,6 @@ def _mean_row(rows: Sequence[ClassScores]) -> ClassScores:
 def _mean(values: Sequence[float]) -> float:
     known = [value for value in values if math.isfinite(value)]
     return sum(known) / len(known) if known else math.nan
-
-
-def _check_settings(
-    iou_thresholds: Sequence[float], oks_thresholds: Sequence[float], sigmas: Sequence[float], most: int
-) -> None:
-    for name, thresholds in (("iou_thresholds", iou_thresholds), ("oks_thresholds", oks_thresholds)):
-        if not thresholds or not all(0 < threshold < 1 for threshold in thresholds):
-            raise ConfigurationError(f"evaluation: {name} must lie in (0, 1), got {list(thresholds)}")
-    if len(sigmas) != len(KEYPOINTS) or not all(math.isfinite(s) and s > 0 for s in sigmas):
-        raise ConfigurationError(
-            f"evaluation: sigmas must be {len(KEYPOINTS)} positive numbers, got {list(sigmas)}"
-        )
-    if most < 1:
-        raise ConfigurationError(f"evaluation: most_detections must be at least 1, got {most}")
 
 
 def _nullable(value: float) -> float | None:
