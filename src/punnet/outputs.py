@@ -1,4 +1,4 @@
-"""Output folders: written beside their place and moved there when complete, so that none is half there."""
+"""Outputs: written beside their place and moved there when complete, so that no file or folder is half there."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from types import TracebackType
 
 from punnet.errors import OutputError, OutputExistsError
 
-__all__ = ["MARKER_FILE", "Interrupted", "OutputFolder"]
+__all__ = ["MARKER_FILE", "Interrupted", "OutputFolder", "write_text"]
 
 MARKER_FILE = ".punnet-output.json"
 """Marks a folder as made by Punnet; ``force`` replaces no other."""
@@ -127,6 +127,41 @@ class OutputFolder:
                 return None
         _replace(place, staging)
         return place
+
+
+def write_text(path: str | Path, text: str, *, force: bool = False) -> Path:
+    """Write a file of UTF-8 text, whole or not at all; its folder is made if need be.
+
+    Raises
+    ------
+    OutputExistsError
+        If the file exists and ``force`` is not set, or a folder stands in its place.
+    OutputError
+        If it can't be written.
+    """
+    path = Path(path).expanduser()
+    if path.is_dir():
+        raise OutputExistsError(f"{path}: is a folder; give the name of a file")
+    if not force and (path.exists() or path.is_symlink()):
+        raise OutputExistsError(f"{path}: exists; give another name or --force")
+    staging: Path | None = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(
+            "w", encoding="utf-8", dir=path.parent, prefix=f".{path.name}-", delete=False
+        ) as stream:
+            staging = Path(stream.name)
+            stream.write(text)
+        staging.chmod(0o644)
+        staging.replace(path)
+    except (FileExistsError, NotADirectoryError) as error:
+        raise OutputError(f"{path}: can't be written, a file stands where a folder is needed") from error
+    except OSError as error:
+        raise OutputError(f"{path}: can't be written ({error.strerror}); give another place") from error
+    finally:
+        if staging is not None:
+            staging.unlink(missing_ok=True)
+    return path
 
 
 def _replace(place: Path, staging: Path) -> None:

@@ -1,287 +1,257 @@
-"""COCO annotation files into :class:`~punnet.scene.Strawberries`, and detections back into COCO.
-
-Two dialects are read: masks as polygons or run lengths in the annotation, and masks as an image of instance
-labels beside the photographs with ``label_index`` in the annotation (StrawDI). Key-points, if any, are the
-five of :data:`~punnet.scene.KEYPOINTS`.
-"""
+"""COCO files: Punnet's own dialect (docs/data.md) read and written without loss, and other people's COCO read."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
-import cv2
-import numpy as np
-from numpy.typing import NDArray
+from punnet.data.class_names import ClassMap, classify, same_name
+from punnet.data.coco_entries import (
+    Order,
+    annotation_to_entry,
+    entry_to_annotation,
+    entry_to_camera,
+    image_to_entry,
+    relative,
+)
+from punnet.data.dataset import AnnotatedImage, Annotation, Dataset
+from punnet.data.reading import beside, find_image_folder, integer, read_json, require_object
+from punnet.errors import FileFormatError, OutputError, ShapeError
+from punnet.outputs import write_text
+from punnet.scene import CLASSES, KEYPOINTS
 
-from punnet.errors import FileFormatError
-from punnet.scene import KEYPOINTS, PLUCKABLE, UNPLUCKABLE, Strawberries, Visibility
-from punnet.scene.masks import decode_mask, encode_mask
+__all__ = ["CocoFile", "dataset_to_coco", "open_coco", "read_coco", "write_coco"]
 
-__all__ = ["CocoDataset", "CocoItem", "detections_to_coco", "read_psd", "read_strawdi"]
-
-Pluckable = Literal["category", "ripeness"]
-# PSD: 0 unripe, 1 up to half, 2 up to nine tenths, 3 fully ripe, 4 rotten. StrawDI: categories 1 ripe, 2
-# unripe.
-PLUCKABLE_RIPENESS = (2, 3)
-RIPENESS_SHARE = {0: 0.0, 1: 0.5, 2: 0.9, 3: 1.0, 4: float("nan")}
-RIPE_CATEGORY = 1
-
-
-@dataclass(frozen=True, eq=False)
-class CocoItem:
-    """One annotated image.
-
-    Parameters
-    ----------
-    image_id
-        Its id in the file.
-    image_path
-        The photograph; it is not opened here.
-    berries
-        The annotations: masks, boxes that contain the key-points, classes, key-points, ripeness.
-    """
-
-    image_id: int
-    image_path: Path
-    berries: Strawberries
+FILE_FIELDS = ("images", "annotations", "categories", "info", "licenses")
+IMAGE_FIELDS = ("id", "file_name", "width", "height", "depth_path", "camera", "group")
+SKELETON = [[1, 2], [2, 3], [4, 5]]
+ReadEntry = Callable[[dict[str, Any], int, tuple[int, int], str], Annotation | None]
+"""Entry, its id, (H, W) of its image, file and annotation for messages → annotation, None to leave it out."""
 
 
 @dataclass(frozen=True, eq=False)
-class CocoDataset:
-    """A COCO file whose images are decoded one at a time, in the order of the file.
+class CocoFile:
+    """A COCO file, its entries sorted by image and otherwise as they are.
 
     Parameters
     ----------
-    annotation_path
-        The JSON file.
-    image_folder
-        Folder of the photographs.
-    label_folder
-        Folder of the instance-label PNGs, None if masks are in the JSON.
-    pluckable
-        What tells the class: ``category`` (1 is ripe) or ``ripeness`` (2 and 3 are pluckable).
-    images, annotations
-        The file's entries; annotations by image id.
+    path
+        The file, for messages.
+    data
+        The whole object.
+    images
+        Entries of images, by id, in the order of the file.
+    annotations
+        Entries of annotations, by id of their image; each with its own id.
     """
 
-    annotation_path: Path
-    image_folder: Path
-    label_folder: Path | None
-    pluckable: Pluckable
-    images: list[dict[str, Any]]
-    annotations: dict[int, list[dict[str, Any]]]
+    path: Path
+    data: dict[str, Any]
+    images: dict[int, dict[str, Any]]
+    annotations: dict[int, list[tuple[int, dict[str, Any]]]]
 
-    def __len__(self) -> int:
-        return len(self.images)
+    def image_folder(self, given: str | Path | None) -> Path:
+        """Where its photographs are: ``given``, or the first likely place that has some of them."""
+        if given is not None:
+            return Path(given)
+        names = [image.get("file_name") for image in self.images.values()]
+        return find_image_folder(
+            self.path.parent, [n.replace("\\", "/") for n in names if isinstance(n, str) and "\0" not in n]
+        )
 
-    def __iter__(self) -> Iterator[CocoItem]:
-        return (self[i] for i in range(len(self)))
-
-    def __getitem__(self, index: int) -> CocoItem:
-        """Decode image ``index``.
+    def dataset(self, image_folder: Path, read_entry: ReadEntry) -> Dataset:
+        """The file as a data set, each annotation read by ``read_entry``.
 
         Raises
         ------
         FileFormatError
-            If an annotation lacks a field or has a damaged mask.
+            If an entry is damaged; the message names file, annotation and fault.
         """
-        image = self.images[index]
         try:
-            berries = self._berries(image)
-        except (KeyError, TypeError, IndexError, ValueError) as error:
-            if isinstance(error, FileFormatError):
-                raise
-            raise FileFormatError(
-                f"{self.annotation_path}: annotations of image {image.get('id')} are damaged ({error!r})"
-            ) from error
-        return CocoItem(int(image["id"]), self.image_folder / str(image["file_name"]), berries)
+            return Dataset(
+                images=tuple(self._image(identity, image_folder, read_entry) for identity in self.images),
+                name=self.path.parent.name or self.path.stem,
+                info=self.data["info"] if isinstance(self.data.get("info"), dict) else {},
+                licences=self.data["licenses"] if isinstance(self.data.get("licenses"), list) else [],
+                extra={name: value for name, value in self.data.items() if name not in FILE_FIELDS},
+            )
+        except ShapeError as error:
+            raise FileFormatError(f"{self.path}: {error}") from error
 
-    def _berries(self, image: dict[str, Any]) -> Strawberries:
-        size = (int(image["height"]), int(image["width"]))
-        annotations = self.annotations.get(int(image["id"]), [])
-        if not annotations:
-            return Strawberries.empty(size)
-        labels = None if self.label_folder is None else self._labels(image, size)
-        masks = np.stack([_mask(annotation, size, labels) for annotation in annotations])
-        keypoints, visibility = _keypoints(annotations)
-        with_keypoints = any("keypoints" in annotation for annotation in annotations)
-        boxes = np.stack(
-            [_box(annotation, points) for annotation, points in zip(annotations, keypoints, strict=True)]
+    def _image(self, identity: int, folder: Path, read_entry: ReadEntry) -> AnnotatedImage:
+        entry, where = self.images[identity], f"{self.path}: image {identity}"
+        height, width = (integer(entry.get(name), f"{where}: {name}") for name in ("height", "width"))
+        annotations = []
+        for number, given in self.annotations.get(identity, ()):
+            place = f"{self.path}: annotation {number}"
+            extra = given
+            if given.get("depth_path") is not None:
+                extra = {**given, "depth_path": str(beside(self.path.parent, given["depth_path"], place))}
+            annotation = read_entry(extra, number, (height, width), place)
+            if annotation is not None:
+                annotations.append(annotation)
+        depth = entry.get("depth_path")
+        depths = [Path(a.extra["depth_path"]) for a in annotations if a.extra.get("depth_path") is not None]
+        group = entry.get("group")
+        return AnnotatedImage(
+            id=identity,
+            path=beside(folder, entry.get("file_name"), f"{where}: file_name"),
+            width=width,
+            height=height,
+            annotations=tuple(annotations),
+            depth_path=next(iter(depths), None)
+            if depth is None
+            else beside(self.path.parent, depth, f"{where}: depth_path"),
+            camera=entry_to_camera(entry, where),
+            group=None if group is None else str(group),
+            extra={name: value for name, value in entry.items() if name not in IMAGE_FIELDS},
         )
-        return Strawberries(
-            image_size=size,
-            boxes=boxes,
-            classes=np.array([self._class(annotation) for annotation in annotations]),
-            masks=masks,
-            keypoints=keypoints if with_keypoints else None,
-            visibility=visibility if with_keypoints else None,
-            ripeness=np.array([_ripeness(annotation) for annotation in annotations]),
-            ids=np.array([int(annotation["id"]) for annotation in annotations]),
-        )
 
-    def _labels(self, image: dict[str, Any], size: tuple[int, int]) -> NDArray[np.uint8]:
-        assert self.label_folder is not None
-        path = self.label_folder / f"{Path(image['file_name']).stem}.png"
-        labels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED) if path.is_file() else None
-        if labels is None or labels.shape != size:
-            found = "missing or no image" if labels is None else f"of shape {labels.shape}"
-            raise FileFormatError(f"{path}: {found}; one channel of instance labels, {size}, is needed")
-        return np.asarray(labels, dtype=np.uint8)
-
-    def _class(self, annotation: dict[str, Any]) -> int:
-        if self.pluckable == "category":
-            ripe = int(annotation["category_id"]) == RIPE_CATEGORY
-        else:
-            ripe = int(annotation["ripeness"]) in PLUCKABLE_RIPENESS
-        return PLUCKABLE if ripe else UNPLUCKABLE
+    def categories(self) -> dict[int, dict[str, Any]]:
+        """Entries of categories by id; Punnet's two if the file lists none."""
+        given = self.data.get("categories")
+        if not isinstance(given, list) or not given:
+            return {category["id"]: category for category in _categories()}
+        where = f"{self.path}: category"
+        return {
+            integer(require_object(category, where).get("id"), f"{where} id"): category for category in given
+        }
 
 
-def read_strawdi(folder: str | Path) -> CocoDataset:
-    """Open StrawDI with key-points: ``coco_keypoints.json``, ``img/``, ``label/``; pluckable is category 1.
+def open_coco(path: str | Path) -> CocoFile:
+    """Open a COCO file and sort its entries; what is inside them is not looked at.
 
     Raises
     ------
     FileFormatError
-        If the file is missing or not COCO.
+        If the file is missing or not COCO, or entries lack ids, share them or belong to no image.
     """
-    folder = Path(folder)
-    return _open(folder / "coco_keypoints.json", folder / "img", folder / "label", "category")
-
-
-def read_psd(folder: str | Path) -> CocoDataset:
-    """Open PSD: ``coco.json`` with polygons, ``img/``; pluckable is ripeness 2 or 3 of 0…4.
-
-    Raises
-    ------
-    FileFormatError
-        If the file is missing or not COCO.
-    """
-    folder = Path(folder)
-    return _open(folder / "coco.json", folder / "img", None, "ripeness")
-
-
-def _open(path: Path, image_folder: Path, label_folder: Path | None, pluckable: Pluckable) -> CocoDataset:
-    if not path.is_file():
-        raise FileFormatError(f"{path}: no such file; a COCO annotation file is needed")
-    try:
-        data = json.loads(path.read_text())
-    except (ValueError, OSError) as error:
-        raise FileFormatError(f"{path}: not readable as JSON ({error})") from error
+    path = Path(path)
+    data = read_json(path)
     if not isinstance(data, dict) or not all(
         isinstance(data.get(k), list) for k in ("images", "annotations")
     ):
         raise FileFormatError(f"{path}: not COCO; an object with lists 'images' and 'annotations' is needed")
-    grouped: dict[int, list[dict[str, Any]]] = {}
-    try:
-        known = {int(image["id"]) for image in data["images"]}
-        for annotation in data["annotations"]:
-            grouped.setdefault(int(annotation["image_id"]), []).append(annotation)
-    except (KeyError, TypeError, ValueError) as error:
-        raise FileFormatError(f"{path}: an image or annotation lacks its id ({error!r})") from error
-    if strays := sorted(grouped.keys() - known):
-        raise FileFormatError(f"{path}: annotations of images that are not listed, ids {strays[:5]}")
-    return CocoDataset(path, image_folder, label_folder, pluckable, data["images"], grouped)
+    images: dict[int, dict[str, Any]] = {}
+    for position, entry in enumerate(data["images"]):
+        where = f"{path}: entry {position} of 'images'"
+        identity = integer(require_object(entry, where).get("id"), f"{where}: id")
+        if identity in images:
+            raise FileFormatError(f"{path}: image id {identity} is given twice")
+        images[identity] = entry
+    annotations: dict[int, list[tuple[int, dict[str, Any]]]] = {}
+    for position, entry in enumerate(data["annotations"]):
+        where = f"{path}: entry {position} of 'annotations'"
+        number = integer(require_object(entry, where).get("id"), f"{where}: id")
+        image = integer(entry.get("image_id"), f"{path}: annotation {number}: image_id")
+        if image not in images:
+            raise FileFormatError(f"{path}: annotation {number} is of image {image}, which is not listed")
+        annotations.setdefault(image, []).append((number, entry))
+    return CocoFile(path, data, images, annotations)
 
 
-def _mask(
-    annotation: dict[str, Any], size: tuple[int, int], labels: NDArray[np.uint8] | None
-) -> NDArray[np.bool_]:
-    if labels is not None:
-        return np.asarray(labels == int(annotation["label_index"]))
-    segmentation = annotation["segmentation"]
-    if isinstance(segmentation, dict):
-        return decode_mask(segmentation)
-    # COCO's own rasteriser, so that scores agree with COCO tools to the last pixel; it loads slowly.
-    from faster_coco_eval.core import mask as rasteriser
+def read_coco(
+    path: str | Path, image_folder: str | Path | None = None, *, class_map: ClassMap | None = None
+) -> Dataset:
+    """Read a COCO file: polygons or run lengths, boxes, five key-points, and what Punnet adds to them.
 
-    height, width = size
-    polygons = [[float(value) for value in polygon] for polygon in segmentation]
-    return np.asarray(rasteriser.decode(rasteriser.segmToRle(polygons, width, height)) > 0).reshape(size)
-
-
-def _keypoints(annotations: list[dict[str, Any]]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    points = np.full((len(annotations), len(KEYPOINTS), 2), np.nan)
-    codes = np.zeros((len(annotations), len(KEYPOINTS)), dtype=np.int64)
-    for i, annotation in enumerate(annotations):
-        if "keypoints" not in annotation:
-            continue
-        table = np.asarray(annotation["keypoints"], dtype=np.float64).reshape(len(KEYPOINTS), 3)
-        known = table[:, 2] > 0
-        points[i, known] = table[known, :2]
-        codes[i] = annotation.get("visibility_detail", table[:, 2].astype(np.int64))
-    return points, codes
-
-
-def _box(annotation: dict[str, Any], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    left, top, width, height = (float(value) for value in annotation["bbox"])
-    corners = np.array([[left, top], [left + width, top + height]])
-    known = points[np.isfinite(points).all(axis=1)]
-    corners = np.vstack((corners, known))
-    return np.concatenate((corners.min(axis=0), corners.max(axis=0)))
-
-
-def _ripeness(annotation: dict[str, Any]) -> float:
-    return RIPENESS_SHARE.get(annotation.get("ripeness", -1), float("nan"))
-
-
-def detections_to_coco(items: Iterable[tuple[int, str, Strawberries]]) -> dict[str, Any]:
-    """One COCO object of what was found in a series of images.
-
-    Masks are uncompressed run lengths; boxes are xywh; visibility 3 (hidden by something else) is written as
-    1 and kept in ``visibility_detail``.
+    Key-points that ``categories`` lists in another order are put in ours.
 
     Parameters
     ----------
-    items
-        (image id, file name, berries).
+    path
+        The JSON file.
+    image_folder
+        What ``file_name`` is relative to. If None, the file's folder, or a folder ``images`` or ``img`` in or beside
+        it if the photographs are there.
+    class_map
+        What category names mean that are not known here.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is missing or not COCO, an entry is damaged, or a class is not known.
     """
-    images: list[dict[str, Any]] = []
-    annotations: list[dict[str, Any]] = []
-    for image_id, file_name, berries in items:
-        height, width = berries.image_size
-        images.append({"id": image_id, "file_name": file_name, "width": width, "height": height})
-        for i in range(len(berries)):
-            annotations.append({"id": len(annotations) + 1, "image_id": image_id, **_annotation(berries, i)})
-    categories = [
-        {"id": 1, "name": "pluckable", "keypoints": list(KEYPOINTS), "skeleton": [[1, 2], [2, 3], [4, 5]]},
-        {"id": 2, "name": "unpluckable", "keypoints": list(KEYPOINTS), "skeleton": [[1, 2], [2, 3], [4, 5]]},
-    ]
-    return {"images": images, "annotations": annotations, "categories": categories}
+    file = open_coco(path)
+    categories = file.categories()
+    names = {number: str(category.get("name")) for number, category in categories.items()}
+    orders = {number: _order(category, file.path) for number, category in categories.items()}
+
+    def read_entry(
+        entry: dict[str, Any], identity: int, size: tuple[int, int], where: str
+    ) -> Annotation | None:
+        category = integer(entry.get("category_id"), f"{where}: category_id")
+        if category not in names:
+            raise FileFormatError(f"{where}: category_id {category} is not in 'categories'")
+        class_index = classify(names[category], class_map, where)
+        if class_index is None:
+            return None
+        if names[category] not in CLASSES:
+            entry = {"category_name": names[category], **entry}
+        return entry_to_annotation(entry, identity, class_index, size, where, orders[category])
+
+    return file.dataset(file.image_folder(image_folder), read_entry)
 
 
-def _annotation(berries: Strawberries, i: int) -> dict[str, Any]:
-    left, top, right, bottom = berries.boxes[i].tolist()
-    entry: dict[str, Any] = {
-        "category_id": int(berries.classes[i]) + 1,
-        "bbox": [left, top, right - left, bottom - top],
-        "area": (right - left) * (bottom - top),
-        "iscrowd": 0,
-        "score": float(berries.scores[i]),
-    }
-    masks = berries.masks
-    if masks is not None:
-        entry["segmentation"] = encode_mask(masks[i])
-        entry["area"] = int(masks[i].sum())
-    if np.isfinite(berries.ripeness[i]):
-        entry["ripeness"] = float(berries.ripeness[i])
-    if np.isfinite(berries.weights[i]):
-        entry["weight_g"] = float(berries.weights[i])
-    if berries.keypoints is not None and berries.visibility is not None:
-        entry |= _keypoint_fields(berries.keypoints[i], berries.visibility[i])
-    return entry
+def _order(category: dict[str, Any], path: Path) -> Order | None:
+    given = category.get("keypoints")
+    if not isinstance(given, list) or not given:
+        return None
+    names = [same_name(str(name)) for name in given]
+    if names == list(KEYPOINTS) or names == [str(k + 1) for k in range(len(KEYPOINTS))]:
+        return None
+    if sorted(names) != sorted(KEYPOINTS):
+        raise FileFormatError(
+            f"{path}: category {category.get('id')} has the key-points {given}; they must be {', '.join(KEYPOINTS)}"
+        )
+    return [names.index(name) for name in KEYPOINTS]
 
 
-def _keypoint_fields(points: NDArray[np.float64], codes: NDArray[np.int64]) -> dict[str, Any]:
-    flags = np.where(codes == Visibility.HIDDEN_BY_OTHER, int(Visibility.HIDDEN_BY_ITSELF), codes)
-    known: NDArray[np.bool_] = np.asarray(np.isfinite(points).all(axis=1))
-    flags = np.where(known, flags, int(Visibility.ABSENT))
-    table = np.column_stack((np.where(known[:, None], points, 0.0), flags))
+def write_coco(dataset: Dataset, path: str | Path, *, force: bool = False) -> Path:
+    """Write a COCO file in Punnet's dialect, whole or not at all; photographs stay where they are.
+
+    Paths become relative to the file's folder, masks in PNGs become run lengths.
+
+    Raises
+    ------
+    OutputExistsError
+        If the file exists and ``force`` is not set.
+    FileFormatError
+        If a mask is in a file that is missing or damaged.
+    """
+    try:
+        text = json.dumps(dataset_to_coco(dataset, Path(path).parent), allow_nan=False)
+    except (TypeError, ValueError) as error:
+        if isinstance(error, FileFormatError):
+            raise
+        raise OutputError(f"{path}: an extra field can't be said in JSON ({error})") from error
+    return write_text(path, text + "\n", force=force)
+
+
+def dataset_to_coco(dataset: Dataset, folder: Path) -> dict[str, Any]:
+    """Give the object that :func:`write_coco` writes, paths relative to ``folder``."""
+    entries = []
+    for image in dataset:
+        for annotation in image.annotations:
+            entry = annotation_to_entry(annotation, image)
+            if isinstance(entry.get("depth_path"), str):
+                entry["depth_path"] = relative(Path(entry["depth_path"]), folder)
+            entries.append(entry)
     return {
-        "keypoints": [int(v) if k % 3 == 2 else float(v) for k, v in enumerate(table.ravel())],
-        "num_keypoints": int((flags > 0).sum()),
-        "visibility_detail": codes.tolist(),
+        **dataset.extra,
+        "info": dataset.info,
+        "licenses": dataset.licences,
+        "images": [image_to_entry(image, folder) for image in dataset],
+        "annotations": entries,
+        "categories": _categories(),
     }
+
+
+def _categories() -> list[dict[str, Any]]:
+    return [
+        {"id": k + 1, "name": name, "keypoints": list(KEYPOINTS), "skeleton": SKELETON}
+        for k, name in enumerate(CLASSES)
+    ]

@@ -145,8 +145,11 @@ def beside(folder: Path, name: Any, where: str) -> Path:
     """
     if not isinstance(name, str) or not name or "\0" in name:
         raise FileFormatError(f"{where}: the name of a file is needed, got {name!r:.80}")
-    # Windows tools write backslashes.
-    return Path(os.path.normpath(folder / name.replace("\\", "/")))
+    posix: str = name.replace("\\", "/")  # Windows tools write backslashes
+    if ".." not in posix.split("/"):
+        return folder / posix
+    # The parent of a linked folder is that of the folder it leads to.
+    return Path(os.path.normpath(folder.resolve() / posix))
 
 
 def find_image_folder(folder: Path, names: Iterable[str]) -> Path:
@@ -174,7 +177,7 @@ def list_images(folder: Path) -> list[Path]:
 
 
 def image_size(path: Path) -> tuple[int, int]:
-    """(H, W) of a photograph as it lies in the file, without regard to its EXIF orientation.
+    """(H, W) of a photograph, turned as its EXIF orientation says: as :func:`~punnet.scene.read_image` gives it.
 
     Raises
     ------
