@@ -11,7 +11,7 @@ from typing import Any
 
 import cv2
 
-from punnet.data import detections_to_coco
+from punnet.data import AnnotatedImage, Dataset, annotate_image, write_coco
 from punnet.errors import FileFormatError, OutputError, PunnetError
 from punnet.outputs import OutputFolder
 from punnet.perception.detector import Detector
@@ -78,7 +78,8 @@ def detect_photos(photos: Iterable[Path], detector: Detector, output: OutputFold
     """Detect photograph by photograph; a bad one is reported and left out.
 
     Writes ``overlays/<name>.jpg`` and ``berries/<name>.json`` (:meth:`Strawberries.to_json`) as it goes and,
-    when all are done or the work is stopped, ``detections.json`` (COCO) of what there is.
+    when all are done or the work is stopped, ``detections.json`` (COCO, :func:`~punnet.data.write_coco`) of what there
+    is.
 
     Yields
     ------
@@ -122,12 +123,14 @@ def _free_name(photo: Path, done: list[PhotoResult]) -> str:
 
 
 def _write_coco(folder: Path, results: list[PhotoResult]) -> None:
-    # Read back one by one: the masks of a season's photographs do not fit in memory together.
-    items = (
-        (number, result.photo.name, _read_berries(folder / "berries" / f"{result.name}.json"))
-        for number, result in enumerate(results, start=1)
-    )
-    (folder / "detections.json").write_text(json.dumps(detections_to_coco(items)) + "\n")
+    images: list[AnnotatedImage] = []
+    written = 0
+    for number, result in enumerate(results, start=1):
+        # Read back one by one: as run lengths the masks of a season's photographs fit in memory together.
+        berries = _read_berries(folder / "berries" / f"{result.name}.json")
+        images.append(annotate_image(berries, result.photo, identity=number, first_annotation=written + 1))
+        written += len(berries)
+    write_coco(Dataset(tuple(images), name="detections"), folder / "detections.json")
 
 
 def _read_berries(path: Path) -> Strawberries:
