@@ -1,0 +1,101 @@
+"""What can be wrong with the images of a COCO file: their entries, and the photographs themselves."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+from punnet.data.faults import Fault
+from punnet.data.raw_coco import RawCoco
+from punnet.data.reading import beside, image_size
+from punnet.errors import FileFormatError
+
+__all__ = ["Progress", "check_image_entries", "check_photographs", "name_of"]
+
+DECODERS = 2
+Progress = Callable[[int, int], None]
+
+
+def check_image_entries(raw: RawCoco) -> Iterator[Fault]:
+    """Yield the faults of the entries, without opening a photograph."""
+    seen_ids: set[Any] = set()
+    seen_names: Counter[str] = Counter()
+    for number, image in enumerate(raw.images, start=1):
+        if not isinstance(image, dict):
+            yield Fault("image-field", f"entry {number} of images is no object; remove it", raw.path)
+            continue
+        where: dict[str, Any] = {"file": raw.path, "image_id": image.get("id"), "file_name": name_of(image)}
+        if missing := [name for name, is_good in _IMAGE_FIELDS.items() if not is_good(image.get(name))]:
+            message = f"{', '.join(missing)} missing or unusable; each image needs {', '.join(_IMAGE_FIELDS)}"
+            yield Fault("image-field", message, **where)
+        identity = image.get("id")
+        if isinstance(identity, int | str):
+            if identity in seen_ids:
+                message = "another image has this id; give each its own, in its annotations too"
+                yield Fault("duplicate-image-id", message, **where)
+            seen_ids.add(identity)
+        if (name := name_of(image)) is not None:
+            seen_names[name] += 1
+            if seen_names[name] == 2:
+                yield Fault("duplicate-file-name", "is listed more than once; merge the entries", **where)
+
+
+def _is_extent(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value > 0
+
+
+_IMAGE_FIELDS: dict[str, Callable[[Any], bool]] = {
+    "id": lambda value: isinstance(value, int) and not isinstance(value, bool),
+    "file_name": lambda value: isinstance(value, str) and bool(value) and "\0" not in value,
+    "width": _is_extent,
+    "height": _is_extent,
+}
+
+
+def check_photographs(raw: RawCoco, progress: Progress) -> Iterator[Fault]:
+    """Yield the faults of the photographs; each is decoded once. ``progress`` is told how many of how many."""
+    images = [image for image in raw.images if isinstance(image, dict) and name_of(image)]
+    # Decoding leaves Python's lock; a file cut off in the middle shows in no other way.
+    with ThreadPoolExecutor(DECODERS) as pool:
+        found = pool.map(lambda image: _photograph(image, raw), images)
+        for done, findings in enumerate(found, start=1):
+            for code, message in findings:
+                yield Fault(
+                    code,
+                    message,
+                    raw.path,
+                    image_id=images[done - 1].get("id"),
+                    file_name=name_of(images[done - 1]),
+                )
+            progress(done, len(images))
+
+
+def _photograph(image: dict[str, Any], raw: RawCoco) -> list[tuple[str, str]]:
+    findings: list[tuple[str, str]] = []
+    path = beside(raw.image_folder, image["file_name"], str(raw.path))
+    if not path.is_file():
+        findings.append(("missing-image", f"{path} is not there; copy it there, or give --images FOLDER"))
+    else:
+        try:
+            height, width = image_size(path)
+        except FileFormatError:
+            findings.append(("unreadable-image", f"{path} is not an image, or damaged; copy it anew"))
+        else:
+            if (image.get("width"), image.get("height")) != (width, height):
+                message = (
+                    f"the file says {image.get('width')}×{image.get('height')}, the photograph is {width}×{height} "
+                    "(turned as its EXIF says); correct the entry or the photograph"
+                )
+                findings.append(("size-mismatch", message))
+    depth = image.get("depth_path")
+    if isinstance(depth, str) and not beside(raw.path.parent, depth, str(raw.path)).is_file():
+        findings.append(("missing-depth", f"depth_path {depth} is not there; copy it there, or leave it out"))
+    return findings
+
+
+def name_of(image: dict[str, Any]) -> str | None:
+    """File name of an image's entry, None if it has no usable one."""
+    name = image.get("file_name")
+    return name if isinstance(name, str) and name and "\0" not in name else None

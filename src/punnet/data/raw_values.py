@@ -1,0 +1,76 @@
+"""Values as they stand in a JSON file: what checks and repairs of annotations need to look at them without raising."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "EDGE_TOLERANCE",
+    "Finding",
+    "Surroundings",
+    "corners_of",
+    "is_number",
+    "lacks_number",
+    "numbers_of",
+]
+
+EDGE_TOLERANCE = 1.0
+"""Pixels by which a box, polygon or key-point may pass an edge: tools count pixels by corner or by centre."""
+
+Finding = tuple[str, str]
+"""Code of a fault and its message."""
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What an annotation is checked against.
+
+    Parameters
+    ----------
+    width, height
+        Of the image in pixels, None if the file does not say.
+    categories
+        Ids that the file lists.
+    own_dialect
+        True if the classes are Punnet's, so that ``ripeness`` and the like mean what Punnet means by them.
+    """
+
+    width: float | None
+    height: float | None
+    categories: frozenset[Any]
+    own_dialect: bool
+
+
+def is_number(value: Any) -> bool:
+    """Tell whether a JSON value is a finite number."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def numbers_of(value: Any, length: int) -> NDArray[np.float64] | None:
+    """Give a list of ``length`` finite numbers as an array, None if it is anything else."""
+    if not isinstance(value, list) or len(value) != length or not all(map(is_number, value)):
+        return None
+    return np.array(value, dtype=np.float64)
+
+
+def corners_of(polygon: Any) -> NDArray[np.float64] | None:
+    """Corners (N, 2) of a flat list x, y, x, y, …, NaN and infinity among them; None if it is anything else."""
+    if not isinstance(polygon, list) or len(polygon) % 2:
+        return None
+    if not all(isinstance(value, int | float) and not isinstance(value, bool) for value in polygon):
+        return None
+    return np.array(polygon, dtype=np.float64).reshape(-1, 2)
+
+
+def lacks_number(value: Any) -> bool:
+    """Tell whether NaN or infinity is anywhere in a JSON value."""
+    if isinstance(value, float):
+        return not math.isfinite(value)
+    if isinstance(value, dict):
+        return any(map(lacks_number, value.values()))
+    return isinstance(value, list) and any(map(lacks_number, value))

@@ -1,0 +1,117 @@
+"""A validator of COCO files that looks at the JSON as it stands, so that it can speak of files no reader accepts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from punnet.data.annotation_checks import check_annotation
+from punnet.data.class_names import ClassMap, classify
+from punnet.data.faults import Fault, FaultReport
+from punnet.data.image_checks import Progress, check_image_entries, check_photographs, name_of
+from punnet.data.raw_coco import RawCoco, category_names, open_raw_coco
+from punnet.data.raw_values import Surroundings, is_number
+from punnet.errors import FileFormatError
+from punnet.scene import CLASSES
+
+__all__ = ["validate_coco"]
+
+
+def validate_coco(
+    path: str | Path | RawCoco,
+    image_folder: str | Path | None = None,
+    *,
+    class_map: ClassMap | None = None,
+    progress: Progress | None = None,
+) -> FaultReport:
+    """Find what is wrong with a COCO file, its photographs included; each is decoded once.
+
+    Parameters
+    ----------
+    path
+        The JSON, the folder that holds it, or one already opened.
+    image_folder
+        Where the photographs are; looked for near the file if not given.
+    class_map
+        What the file's class names mean.
+    progress
+        Called with photographs done and photographs in all.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is missing, no JSON or not COCO at all.
+    """
+    raw = path if isinstance(path, RawCoco) else open_raw_coco(path, image_folder)
+    faults = [
+        *_categories(raw, class_map),
+        *check_image_entries(raw),
+        *check_photographs(raw, progress or (lambda done, total: None)),
+        *_annotations(raw),
+    ]
+    return FaultReport(raw.path, len(raw.images), len(raw.annotations), tuple(faults))
+
+
+def _categories(raw: RawCoco, class_map: ClassMap | None) -> Iterator[Fault]:
+    # A file whose annotations tell pluckable from unpluckable by a grade of ripeness has one class for all (PSD).
+    if raw.annotations and all(isinstance(a, dict) and "hardness" in a for a in raw.annotations):
+        return
+    for number, name in category_names(raw.data).items():
+        try:
+            classify(name, class_map, str(raw.path))
+        except FileFormatError:
+            count = sum(isinstance(a, dict) and a.get("category_id") == number for a in raw.annotations)
+            if count:
+                message = (
+                    f"class '{name}' ({count} annotations) is neither pluckable nor unpluckable; say what it means "
+                    f"when you read it, for instance --class-map '{name}=pluckable'"
+                )
+                yield Fault("foreign-class", message, raw.path)
+
+
+def _annotations(raw: RawCoco) -> Iterator[Fault]:
+    images = {
+        image["id"]: image
+        for image in raw.images
+        if isinstance(image, dict) and isinstance(image.get("id"), int | str)
+    }
+    names = category_names(raw.data)
+    own_dialect = set(names.values()) <= set(CLASSES)
+    seen: set[Any] = set()
+    for number, annotation in enumerate(raw.annotations, start=1):
+        if not isinstance(annotation, dict):
+            yield Fault(
+                "annotation-field", f"entry {number} of annotations is no object; remove it", raw.path
+            )
+            continue
+        identity, image_id = annotation.get("id"), annotation.get("image_id")
+        image = images.get(image_id) if isinstance(image_id, int | str) else None
+        where: dict[str, Any] = {
+            "file": raw.path,
+            "image_id": image_id,
+            "file_name": None if image is None else name_of(image),
+            "annotation_id": identity if identity is not None else f"number {number}",
+        }
+        if not isinstance(identity, int) or isinstance(identity, bool):
+            yield Fault("annotation-field", f"id is {identity!r:.40}; a whole number is needed", **where)
+        elif identity in seen:
+            yield Fault(
+                "duplicate-annotation-id", "another annotation has this id; give each its own", **where
+            )
+        else:
+            seen.add(identity)
+        if image is None:
+            message = (
+                f"image_id {image_id!r:.40} is not among the images; add the image, or remove the annotation"
+            )
+            yield Fault("unlisted-image", message, **where)
+        size = {name: _extent(image, name) for name in ("width", "height")}
+        around = Surroundings(categories=frozenset(names), own_dialect=own_dialect, **size)
+        for code, message in check_annotation(annotation, around):
+            yield Fault(code, message, **where)
+
+
+def _extent(image: dict[str, Any] | None, name: str) -> float | None:
+    value = None if image is None else image.get(name)
+    return float(value) if value is not None and is_number(value) else None
