@@ -33,6 +33,8 @@ AREA_TOLERANCE = 0.05
 """Share by which ``area`` may differ from the mask's; a dozen pixels are always allowed."""
 
 FEW_PIXELS = 12.0
+FARTHEST = 1e5
+HEAVIEST = 1000.0
 SHARES = ("ripeness", "occlusion")
 
 
@@ -64,11 +66,11 @@ def _ranges(annotation: dict[str, Any], around: Surroundings) -> Iterator[Findin
         return
     for name in SHARES:
         value = annotation.get(name)
-        if is_number(value) and not 0 <= annotation[name] <= 1:
-            yield "out-of-range", f"{name} is {value:g}; it must be between 0 and 1"
+        if value is not None and not lacks_number(value) and not (is_number(value) and 0 <= value <= 1):
+            yield "out-of-range", f"{name} is {value!r:.40}; it must be a number from 0 to 1"
     weight = annotation.get("weight_g")
-    if is_number(weight) and not 0 < annotation["weight_g"] < 1000:
-        yield "out-of-range", f"weight_g is {weight:g}; grams of one berry are needed, above 0"
+    if weight is not None and not lacks_number(weight) and not (is_number(weight) and 0 < weight < HEAVIEST):
+        yield "out-of-range", f"weight_g is {weight!r:.40}; grams of one berry are needed, 0 to {HEAVIEST:g}"
     stage = annotation.get("stage")
     if stage is not None and stage not in STAGES:
         yield "out-of-range", f"stage is {stage!r:.40}; known: {', '.join(STAGES)}"
@@ -157,7 +159,7 @@ def _polygons(annotation: dict[str, Any], polygons: list[Any], around: Surroundi
         beyond = float(max((-corners).max(), (corners - limits).max()))
         if beyond > EDGE_TOLERANCE:
             yield "polygon-outside-image", f"{which} reaches {beyond:.1f} px out of the image; clip it"
-    if points and all(np.isfinite(corners).all() for corners in points):
+    if points and all((np.abs(corners) < FARTHEST).all() for corners in points):
         areas = [abs(float(cv2.contourArea(corners.astype(np.float32)))) for corners in points]
         if sum(areas) <= 0:
             yield "empty-mask", "the polygons enclose no area; draw them again, or leave segmentation out"

@@ -37,8 +37,11 @@ def check_keypoints(annotation: dict[str, Any], around: Surroundings) -> Iterato
             yield "keypoint-count", "keypoints holds something that is no number; give x, y, v of each"
         return
     table = values.reshape(len(KEYPOINTS), 3)
-    if strange := sorted(set(table[:, 2]) - set(COCO_CODES)):
-        yield "keypoint-code", f"v is {strange[0]:g}; 0 absent, 1 hidden and 2 visible are known"
+    if strange := sorted(set(table[:, 2]) - set(COCO_CODES.values())):
+        yield (
+            "keypoint-code",
+            f"v is {strange[0]:g}; 0 absent, 1 hidden and 2 visible are COCO's; more goes to visibility_detail",
+        )
         return
     yield from _places(annotation, table, around)
     yield from _visibility(annotation, table)
@@ -80,8 +83,7 @@ def _visibility(annotation: dict[str, Any], table: NDArray[np.float64]) -> Itera
     if strange := [code for code in detail if not is_number(code) or code not in set(Visibility)]:
         yield "visibility-contradiction", f"visibility_detail has {strange[0]!r}; codes are 0, 1, 2 and 3"
         return
-    # A file may hold the full code in v as well; then they must be equal.
-    differ = [k for k, code in enumerate(detail) if table[k, 2] not in (int(code), COCO_CODES[int(code)])]
+    differ = [k for k, code in enumerate(detail) if table[k, 2] != COCO_CODES[int(code)]]
     if differ:
         k = differ[0]
         yield (

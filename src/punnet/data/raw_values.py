@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "EDGE_TOLERANCE",
+    "LARGEST",
     "Finding",
     "Surroundings",
     "corners_of",
@@ -18,6 +18,9 @@ __all__ = [
     "lacks_number",
     "numbers_of",
 ]
+
+LARGEST = 1e15
+"""Beyond it nothing in a picture can be: such numbers are taken for infinite."""
 
 EDGE_TOLERANCE = 1.0
 """Pixels by which a box, polygon or key-point may pass an edge: tools count pixels by corner or by centre."""
@@ -45,10 +48,25 @@ class Surroundings:
     categories: frozenset[Any]
     own_dialect: bool
 
+    @classmethod
+    def of(
+        cls, image: dict[str, Any] | None, categories: frozenset[Any], *, own_dialect: bool
+    ) -> Surroundings:
+        """Read the size from an image's entry; None if the image is not listed."""
+        width, height = (None if image is None else image.get(name) for name in ("width", "height"))
+        return cls(
+            float(width) if width is not None and is_number(width) else None,
+            float(height) if height is not None and is_number(height) else None,
+            categories,
+            own_dialect,
+        )
+
 
 def is_number(value: Any) -> bool:
     """Tell whether a JSON value is a finite number."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return False
+    return abs(value) <= LARGEST
 
 
 def numbers_of(value: Any, length: int) -> NDArray[np.float64] | None:
@@ -59,18 +77,18 @@ def numbers_of(value: Any, length: int) -> NDArray[np.float64] | None:
 
 
 def corners_of(polygon: Any) -> NDArray[np.float64] | None:
-    """Corners (N, 2) of a flat list x, y, x, y, …, NaN and infinity among them; None if it is anything else."""
+    """Corners (N, 2) of a flat list x, y, x, y, …, NaN where one is infinite; None if it is anything else."""
     if not isinstance(polygon, list) or len(polygon) % 2:
         return None
     if not all(isinstance(value, int | float) and not isinstance(value, bool) for value in polygon):
         return None
-    return np.array(polygon, dtype=np.float64).reshape(-1, 2)
+    return np.array([value if is_number(value) else np.nan for value in polygon]).reshape(-1, 2)
 
 
 def lacks_number(value: Any) -> bool:
     """Tell whether NaN or infinity is anywhere in a JSON value."""
-    if isinstance(value, float):
-        return not math.isfinite(value)
+    if isinstance(value, int | float):
+        return not is_number(value) and not isinstance(value, bool)
     if isinstance(value, dict):
         return any(map(lacks_number, value.values()))
     return isinstance(value, list) and any(map(lacks_number, value))

@@ -11,7 +11,7 @@ from punnet.data.class_names import ClassMap, classify
 from punnet.data.faults import Fault, FaultReport
 from punnet.data.image_checks import Progress, check_image_entries, check_photographs, name_of
 from punnet.data.raw_coco import RawCoco, category_names, open_raw_coco
-from punnet.data.raw_values import Surroundings, is_number
+from punnet.data.raw_values import Surroundings
 from punnet.errors import FileFormatError
 from punnet.scene import CLASSES
 
@@ -106,12 +106,6 @@ def _annotations(raw: RawCoco) -> Iterator[Fault]:
                 f"image_id {image_id!r:.40} is not among the images; add the image, or remove the annotation"
             )
             yield Fault("unlisted-image", message, **where)
-        size = {name: _extent(image, name) for name in ("width", "height")}
-        around = Surroundings(categories=frozenset(names), own_dialect=own_dialect, **size)
+        around = Surroundings.of(image, frozenset(names), own_dialect=own_dialect)
         for code, message in check_annotation(annotation, around):
             yield Fault(code, message, **where)
-
-
-def _extent(image: dict[str, Any] | None, name: str) -> float | None:
-    value = None if image is None else image.get(name)
-    return float(value) if value is not None and is_number(value) else None
