@@ -150,7 +150,9 @@ def _listed(text: str) -> tuple[str, ...]:
     if file == "strawdi":
         from punnet.data.splits.strawdi import strawdi_split
 
-        return tuple(strawdi_split()[part == "test"])
+        if part not in ("train", "test"):
+            raise ValueError(f"no part '{part}' of strawdi; there are train and test")
+        return tuple(f"{number}.jpg" for number in strawdi_split()[part == "test"])
     parts = _read_json(Path(file)).get("parts", {})
     if part not in parts:
         raise ValueError(f"no part '{part}' in {file}; there are {', '.join(parts)}")
