@@ -34,6 +34,7 @@ AREA_TOLERANCE = 0.05
 
 FEW_PIXELS = 12.0
 FARTHEST = 1e5
+LARGEST_CANVAS = 50_000_000
 HEAVIEST = 1000.0
 SHARES = ("ripeness", "occlusion")
 
@@ -121,7 +122,11 @@ def _run_lengths(annotation: dict[str, Any], rle: dict[str, Any], around: Surrou
     if size is None:
         yield "bad-rle", "the run lengths have no size [height, width]; export the mask again"
         return
-    if around.height is not None and (size[0], size[1]) != (around.height, around.width):
+    if (
+        around.height is not None
+        and around.width is not None
+        and (size[0], size[1]) != (around.height, around.width)
+    ):
         yield (
             "rle-size",
             f"the mask is {size[1]:g}×{size[0]:g} (width×height), the image {around.width:g}×{around.height:g}; "
@@ -164,18 +169,21 @@ def _polygons(annotation: dict[str, Any], polygons: list[Any], around: Surroundi
         if sum(areas) <= 0:
             yield "empty-mask", "the polygons enclose no area; draw them again, or leave segmentation out"
         elif len(points) == len(polygons):
-            yield from _area(annotation, [sum(areas), float(_rasterised(points))])
+            pixels = _rasterised(points)
+            yield from _area(annotation, [sum(areas)] if pixels is None else [sum(areas), pixels])
 
 
-def _rasterised(points: list[NDArray[np.float64]]) -> int:
-    """Pixels of a union of polygons, boundaries included."""
+def _rasterised(points: list[NDArray[np.float64]]) -> float | None:
+    """Pixels of a union of polygons, boundaries included; None if that would take too much memory."""
     corners = np.vstack(points)
     low = np.floor(corners.min(axis=0)) - 1
-    extent = np.ceil(np.clip(corners.max(axis=0) - low + 2, 1, 20_000)).astype(int)
+    extent = np.ceil(corners.max(axis=0) - low + 2).astype(int)
+    if extent.prod() > LARGEST_CANVAS:
+        return None
     canvas = np.zeros((extent[1], extent[0]), dtype=np.uint8)
     for polygon in points:
         cv2.fillPoly(canvas, [np.rint(polygon - low).astype(np.int32)], 1)
-    return int(np.count_nonzero(canvas))
+    return float(np.count_nonzero(canvas))
 
 
 def _area(annotation: dict[str, Any], measured: list[float]) -> Iterator[Finding]:

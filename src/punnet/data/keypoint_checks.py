@@ -40,7 +40,7 @@ def check_keypoints(annotation: dict[str, Any], around: Surroundings) -> Iterato
     if strange := sorted(set(table[:, 2]) - set(COCO_CODES.values())):
         yield (
             "keypoint-code",
-            f"v is {strange[0]:g}; 0 absent, 1 hidden and 2 visible are COCO's; more goes to visibility_detail",
+            f"v is {strange[0]:g}; 0 absent, 1 hidden, 2 visible; more goes to visibility_detail",
         )
         return
     yield from _places(annotation, table, around)
