@@ -10,7 +10,7 @@ from types import TracebackType
 
 from punnet.errors import OutputError, OutputExistsError
 
-__all__ = ["MARKER_FILE", "Interrupted", "OutputFolder", "write_text"]
+__all__ = ["MARKER_FILE", "Interrupted", "OutputFolder", "write_bytes", "write_text"]
 
 MARKER_FILE = ".punnet-output.json"
 """Marks a folder as made by Punnet; ``force`` replaces no other."""
@@ -130,7 +130,12 @@ class OutputFolder:
 
 
 def write_text(path: str | Path, text: str, *, force: bool = False) -> Path:
-    """Write a file of UTF-8 text, whole or not at all; its folder is made if need be.
+    """Write a file of UTF-8 text as :func:`write_bytes` does."""
+    return write_bytes(path, text.encode("utf-8"), force=force)
+
+
+def write_bytes(path: str | Path, content: bytes, *, force: bool = False) -> Path:
+    """Write a file, whole or not at all; its folder is made if need be.
 
     Raises
     ------
@@ -147,11 +152,9 @@ def write_text(path: str | Path, text: str, *, force: bool = False) -> Path:
     staging: Path | None = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(
-            "w", encoding="utf-8", dir=path.parent, prefix=f".{path.name}-", delete=False
-        ) as stream:
+        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}-", delete=False) as stream:
             staging = Path(stream.name)
-            stream.write(text)
+            stream.write(content)
         staging.chmod(0o644)
         staging.replace(path)
     except (FileExistsError, NotADirectoryError) as error:
