@@ -52,7 +52,7 @@ def main() -> None:
     )
     parser.add_argument("--data", required=True, help="StrawDI folder with key-points")
     arguments = parser.parse_args()
-    measured = [pair for item in read_strawdi(arguments.data) for pair in fully_visible(item.berries)]
+    measured = [pair for image in read_strawdi(arguments.data) for pair in fully_visible(image.berries())]
     reaches = np.column_stack((np.ones(len(measured)), np.array([reach for reach, _ in measured])))
     points = np.array([found for _, found in measured]).reshape(len(measured), -1)
     residuals = points - reaches @ np.linalg.lstsq(reaches, points, rcond=None)[0]
