@@ -4,7 +4,7 @@
 
 One image of a simulated plant goes in, boxes, masks and key-points of its berries come out:
 
-* ours: `punnet.perception.LearnedDetector`, RGB to `Strawberries`; with OpenVINO too where that is installed;
+* ours: `punnet.perception.LearnedDetector`, RGB to `Strawberries`;
 * torchvision's `maskrcnn_resnet50_fpn`, eager, random weights: masks alone. "640×480" keeps the image's size, "as it comes"
   enlarges it to 800 rows, its default;
 * YOLO11n-seg and YOLO11n-pose with two classes and five key-points, random weights, exported to ONNX and run by ONNX Runtime:
@@ -30,7 +30,6 @@ import cv2
 import numpy as np
 
 from punnet.bundle import load_bundle
-from punnet.errors import ConfigurationError
 from punnet.perception import LearnedDetector
 from punnet.scene import Frame, read_image
 
@@ -38,7 +37,7 @@ Job = Callable[[], object]
 SIZE = (480, 640)
 MEGABYTE = 1024  # of the kB in /proc
 CANDIDATES = 60
-BARS = {"yolo_share": 1.0, "mask_rcnn_factor": 12.0, "peak_megabytes": 500.0, "openvino_factor": 1.3}
+BARS = {"yolo_share": 1.0, "mask_rcnn_factor": 12.0, "peak_megabytes": 500.0}
 EXPORT = """
 import sys, yaml, ultralytics
 from pathlib import Path
@@ -170,11 +169,6 @@ def measure(arguments: argparse.Namespace, folder: Path) -> dict[str, object]:
     berries = len(ours.detect(frame))
     count = max(berries, 1)
     jobs: dict[str, Job] = {"ours": lambda: ours.detect(frame)}
-    try:
-        openvino = LearnedDetector.from_bundle(arguments.bundle, threads=threads, provider="openvino")
-        jobs["ours, OpenVINO"] = lambda: openvino.detect(frame)
-    except ConfigurationError as error:
-        print(f"without OpenVINO: {error}", file=sys.stderr)
     if arguments.ultralytics is not None:
         export_yolo(arguments.ultralytics, folder)
         yolo = Yolo(folder, threads, count)
@@ -214,9 +208,6 @@ def report(figures: dict[str, object]) -> None:
     peak = figures["peak_megabytes"]
     assert isinstance(peak, float)
     say("peak memory, MB", peak, peak <= BARS["peak_megabytes"], f"≤ {BARS['peak_megabytes']}")
-    if "ours, OpenVINO" in ratios:
-        gain = 1 / ratios["ours, OpenVINO"]
-        say("OpenVINO faster", gain, gain >= BARS["openvino_factor"], f"≥ {BARS['openvino_factor']}")
 
 
 def say(what: str, value: float, reached: bool, bar: str) -> None:

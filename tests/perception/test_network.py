@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import pytest
 from onnx import ModelProto, TensorProto, helper
 
 from punnet.errors import BundleError, ConfigurationError
-from punnet.perception.network import OUTPUTS, open_network
+from punnet.perception.network import OUTPUTS, Network
 from tests.perception.toy_detector import toy_graph
 
 IMAGE = np.zeros((1, 64, 96, 3), dtype=np.uint8)
@@ -66,7 +65,7 @@ def three_keypoints(model: ModelProto) -> None:
 
 
 def test_a_detectors_graph_runs(tmp_path: Path) -> None:
-    network = open_network(saved(tmp_path))
+    network = Network(saved(tmp_path))
     raw = network.run(IMAGE, 0.5)
     assert raw.boxes.tolist() == [[30, 20, 60, 40]]
     assert raw.labels.tolist() == [0]
@@ -89,7 +88,7 @@ def test_a_foreign_graph_is_refused(
     tmp_path: Path, change: Callable[[ModelProto], object], words: list[str]
 ) -> None:
     with pytest.raises(BundleError) as refusal:
-        open_network(saved(tmp_path, change))
+        Network(saved(tmp_path, change))
     for word in ["model.onnx", *words]:
         assert word in str(refusal.value)
 
@@ -99,14 +98,14 @@ def test_a_damaged_file_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "model.onnx"
     path.write_bytes(content)
     with pytest.raises(BundleError, match=r"model\.onnx: .*(again|detector's graph)"):
-        open_network(path)
+        Network(path)
 
 
 def test_a_file_that_ends_too_early_is_refused(tmp_path: Path) -> None:
     whole = saved(tmp_path)
     whole.write_bytes(whole.read_bytes()[:-500])
     with pytest.raises(BundleError, match="again"):
-        open_network(whole)
+        Network(whole)
 
 
 @pytest.mark.parametrize(
@@ -129,41 +128,23 @@ def test_what_a_graph_gives_is_checked(tmp_path: Path, name: str, value: np.ndar
                     node.CopyFrom(helper.make_node("Identity", ["mask"], ["masks"]))
 
     with pytest.raises(BundleError, match=words):
-        open_network(saved(tmp_path, change)).run(IMAGE, 0.5)
+        Network(saved(tmp_path, change)).run(IMAGE, 0.5)
 
 
 def test_a_graph_that_fails_is_named(tmp_path: Path) -> None:
     with pytest.raises(BundleError, match=r"model\.onnx: could not be run on an image of 64×96"):
-        open_network(saved(tmp_path, one_size)).run(IMAGE, 0.5)
+        Network(saved(tmp_path, one_size)).run(IMAGE, 0.5)
 
 
 def test_threads_make_no_difference(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = saved(tmp_path)
-    one, two = (open_network(path, threads=threads).run(IMAGE, 0.5) for threads in (1, 2))
+    one, two = (Network(path, threads=threads).run(IMAGE, 0.5) for threads in (1, 2))
     for name in OUTPUTS:
         assert (getattr(one, name) == getattr(two, name)).all()
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
-    assert len(open_network(path).run(IMAGE, 0.5)) == 1
+    assert len(Network(path).run(IMAGE, 0.5)) == 1
 
 
-def test_unknown_provider_and_threads_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="there are cpu, openvino"):
-        open_network(saved(tmp_path), "cuda")  # type: ignore[arg-type]
+def test_impossible_threads_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="threads"):
-        open_network(saved(tmp_path), threads=0)
-
-
-def test_openvino_that_is_not_installed_says_what_to_install(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "openvino", None)
-    with pytest.raises(ConfigurationError, match=r"punnet\[openvino\]"):
-        open_network(saved(tmp_path), "openvino")
-
-
-def test_openvino_gives_the_same(tmp_path: Path) -> None:
-    pytest.importorskip("openvino", reason="OPENVINO ABSENT: the second provider was not checked")
-    path = saved(tmp_path)
-    one, other = (open_network(path, provider).run(IMAGE, 0.5) for provider in ("cpu", "openvino"))
-    for name in OUTPUTS:
-        assert np.allclose(getattr(one, name), getattr(other, name), atol=1e-5)
+        Network(saved(tmp_path), threads=0)

@@ -8,7 +8,6 @@ from pathlib import Path
 from punnet.perception.colour import ColourConfig, ColourDetector
 from punnet.perception.detector import Detector
 from punnet.perception.learned import LearnedDetector
-from punnet.perception.network import Provider
 
 __all__ = ["COLOUR", "PHOTOGRAPH_DETECTOR", "SIMULATION_DETECTOR", "load_detector"]
 
@@ -26,7 +25,6 @@ def load_detector(
     *,
     score_threshold: float | None = None,
     colour: ColourConfig | None = None,
-    provider: Provider = "cpu",
     threads: int | None = None,
 ) -> Detector:
     """Make a detector ready.
@@ -39,20 +37,18 @@ def load_detector(
         Score from which detections are given; the detector's own if None.
     colour
         Settings of the baseline; not used by learned detectors.
-    provider, threads
-        What runs a learned detector, see :func:`punnet.perception.network.open_network`.
+    threads
+        Cores for a learned detector; None takes ``OMP_NUM_THREADS``, or all cores if that is not set.
 
     Raises
     ------
     BundleError
         If there is no such bundle, or it is damaged or no detector.
     ConfigurationError
-        If a setting is out of range, or the provider is not installed.
+        If a setting is out of range.
     """
     if source != COLOUR:
-        return LearnedDetector.from_bundle(
-            source, provider=provider, threads=threads, score_threshold=score_threshold
-        )
+        return LearnedDetector.from_bundle(source, threads=threads, score_threshold=score_threshold)
     config = colour or ColourConfig()
     if score_threshold is not None:
         config = replace(config, score=score_threshold)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from punnet.bundle import Bundle, Manifest, load_bundle
 from punnet.errors import BundleError, ConfigurationError
 from punnet.perception.decoding import decode_detections
-from punnet.perception.network import Network, Provider, open_network
+from punnet.perception.network import Network
 from punnet.scene import Frame, Strawberries
 
 __all__ = ["DETECTOR_FILE", "DETECTOR_SCHEMA", "MODEL_FILE", "DetectorSettings", "LearnedDetector", "prepare"]
@@ -147,7 +147,6 @@ class LearnedDetector:
         cls,
         bundle: Bundle | str | Path,
         *,
-        provider: Provider = "cpu",
         threads: int | None = None,
         score_threshold: float | None = None,
     ) -> LearnedDetector:
@@ -157,8 +156,8 @@ class LearnedDetector:
         ----------
         bundle
             The bundle, its folder, or the name of one that comes with the package.
-        provider, threads
-            What runs it, see :func:`punnet.perception.network.open_network`.
+        threads
+            Cores to use; None takes ``OMP_NUM_THREADS``, or all cores if that is not set.
         score_threshold
             Score from which detections are given; the bundle's own if None.
 
@@ -167,14 +166,14 @@ class LearnedDetector:
         BundleError
             If a file is missing, damaged or not what the contract asks for.
         ConfigurationError
-            If the provider is unknown or not installed, or a number is out of range.
+            If a number is out of range.
         """
         if not isinstance(bundle, Bundle):
             bundle = load_bundle(bundle, kind="detector")
         settings = DetectorSettings.from_json(
             bundle.read_json(DETECTOR_FILE), where=str(bundle.path(DETECTOR_FILE))
         )
-        network = open_network(bundle.path(MODEL_FILE), provider, threads)
+        network = Network(bundle.path(MODEL_FILE), threads)
         return cls(network, settings, bundle.manifest, score_threshold)
 
     def detect(self, frame: Frame) -> Strawberries:

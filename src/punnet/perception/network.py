@@ -29,17 +29,14 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from punnet.errors import BundleError, ConfigurationError
 
-__all__ = ["PROVIDERS", "Network", "Provider", "RawDetections", "open_network"]
-
-Provider = Literal["cpu", "openvino"]
-PROVIDERS: tuple[Provider, ...] = ("cpu", "openvino")
+__all__ = ["Network", "RawDetections"]
 
 INPUTS: Mapping[str, tuple[str, tuple[int | None, ...]]] = {
     "image": ("uint8", (1, None, None, 3)),
@@ -110,18 +107,27 @@ class RawDetections:
         return cls(**arrays)
 
 
-class Network(Protocol):
-    """A graph that can be run."""
+class Network:
+    """A detector's graph on ONNX Runtime.
 
-    def run(self, image: NDArray[np.uint8], score_threshold: float) -> RawDetections:
-        """Detections of an image (1, H, W, 3), best first."""
-        ...
+    Parameters
+    ----------
+    path
+        The ONNX file; its inputs and outputs are held against the contract.
+    threads
+        Cores to use; None takes ``OMP_NUM_THREADS``, or all cores if that is not set.
 
+    Raises
+    ------
+    BundleError
+        If the file is no ONNX graph, or not one of a detector.
+    ConfigurationError
+        If ``threads`` is not positive.
+    """
 
-class OnnxNetwork:
-    """The graph on ONNX Runtime's CPU provider."""
-
-    def __init__(self, path: Path, threads: int | None) -> None:
+    def __init__(self, path: Path, threads: int | None = None) -> None:
+        if threads is not None and threads < 1:
+            raise ConfigurationError(f"detector: threads must be ≥ 1, got {threads}")
         import onnxruntime
 
         options = onnxruntime.SessionOptions()
@@ -137,73 +143,19 @@ class OnnxNetwork:
         _check(path, "output", OUTPUTS, _onnx_values(self._session.get_outputs()))
 
     def run(self, image: NDArray[np.uint8], score_threshold: float) -> RawDetections:
-        """See :class:`Network`."""
+        """Detections of an image (1, H, W, 3), best first.
+
+        Raises
+        ------
+        BundleError
+            If the graph fails, or gives what the contract does not allow.
+        """
         feeds = {"image": image, "score_threshold": np.array(score_threshold, dtype=np.float32)}
         try:
             outputs = self._session.run(list(OUTPUTS), feeds)
         except Exception as error:
             raise _failed(self._path, image, error) from error
         return RawDetections.from_outputs(dict(zip(OUTPUTS, outputs, strict=True)), image, str(self._path))
-
-
-class OpenVinoNetwork:
-    """The same file on OpenVINO's CPU plug-in (``pip install "punnet[openvino]"``)."""
-
-    def __init__(self, path: Path, threads: int | None) -> None:
-        try:
-            import openvino
-        except ImportError as error:
-            raise ConfigurationError(
-                "provider 'openvino': the package is missing; pip install \"punnet[openvino]\", "
-                "or use the provider 'cpu'"
-            ) from error
-        core = openvino.Core()
-        settings = {"PERFORMANCE_HINT": "LATENCY", "INFERENCE_NUM_THREADS": _threads(threads)}
-        try:
-            graph = core.read_model(str(path))
-            _check(path, "input", INPUTS, _openvino_values(graph.inputs))
-            _check(path, "output", OUTPUTS, _openvino_values(graph.outputs))
-            self._request = core.compile_model(graph, "CPU", settings).create_infer_request()
-        except RuntimeError as error:
-            raise _unreadable(path, error) from error
-        self._path = path
-
-    def run(self, image: NDArray[np.uint8], score_threshold: float) -> RawDetections:
-        """See :class:`Network`."""
-        feeds = {"image": image, "score_threshold": np.array(score_threshold, dtype=np.float32)}
-        try:
-            self._request.infer(feeds)
-            # Copied: the next run writes into the same memory.
-            outputs = {name: self._request.get_tensor(name).data.copy() for name in OUTPUTS}
-        except RuntimeError as error:
-            raise _failed(self._path, image, error) from error
-        return RawDetections.from_outputs(outputs, image, str(self._path))
-
-
-def open_network(path: Path, provider: Provider = "cpu", threads: int | None = None) -> Network:
-    """Open a detector's graph and hold its inputs and outputs against the contract.
-
-    Parameters
-    ----------
-    path
-        The ONNX file.
-    provider
-        ``cpu``: ONNX Runtime; ``openvino``: OpenVINO, if it is installed.
-    threads
-        Cores to use; None takes ``OMP_NUM_THREADS``, or all cores if that is not set.
-
-    Raises
-    ------
-    BundleError
-        If the file is no ONNX graph, or not one of a detector.
-    ConfigurationError
-        If the provider is unknown or not installed, or ``threads`` is not positive.
-    """
-    if provider not in PROVIDERS:
-        raise ConfigurationError(f"provider '{provider}' is unknown; there are {', '.join(PROVIDERS)}")
-    if threads is not None and threads < 1:
-        raise ConfigurationError(f"detector: threads must be ≥ 1, got {threads}")
-    return OnnxNetwork(path, threads) if provider == "cpu" else OpenVinoNetwork(path, threads)
 
 
 def _threads(wanted: int | None) -> int:
@@ -225,20 +177,6 @@ def _onnx_values(values: Sequence[Any]) -> dict[str, Value]:
         )
         for value in values
     }
-
-
-def _openvino_values(values: Sequence[Any]) -> dict[str, Value]:
-    types = {"f32": "float", "u8": "uint8", "i64": "int64"}
-    found: dict[str, Value] = {}
-    for value in values:
-        rank = value.get_partial_shape().rank
-        shape = None
-        if rank.is_static:
-            sizes = value.get_partial_shape()
-            shape = tuple(size.get_length() if size.is_static else None for size in sizes)
-        kind = value.get_element_type().get_type_name()
-        found[value.get_any_name()] = (types.get(kind, kind), shape)
-    return found
 
 
 def _check(
