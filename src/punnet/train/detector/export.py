@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import copy
+import math
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -11,9 +15,14 @@ from torch import Tensor, nn
 
 from punnet.train.detector.network import BerryDetector
 
-__all__ = ["OnnxGraph", "export_onnx"]
+if TYPE_CHECKING:
+    import onnx
+
+__all__ = ["INPUTS", "OUTPUTS", "OnnxGraph", "export_onnx", "halve", "rounded"]
 
 OPSET = 17
+TRACED = (128, 160)  # any size does: none is kept
+LEAST_HALVED = 64
 INPUTS = ["image", "score_threshold"]
 OUTPUTS = ["boxes", "scores", "labels", "regions", "masks", "heatmaps", "visibility", "ripeness"]
 
@@ -48,53 +57,78 @@ class OnnxGraph(nn.Module):
         )
 
 
-def export_onnx(network: BerryDetector, path: Path) -> None:
-    """Write ``network`` as ONNX with half-precision weights that are cast when loaded.
+def export_onnx(network: BerryDetector, path: Path) -> BerryDetector:
+    """Write ``network`` as ONNX, its weights in half precision that is cast when the file is loaded.
+
+    Batch normalisation stays a node of its own (the runtime folds it), so that weights are rounded as they are, not
+    multiplied by something that only the export knows: PyTorch can then calculate with the very same numbers.
 
     Parameters
     ----------
     network
-        Trained; it is put into evaluation mode.
+        Trained. It is left as it is.
     path
         Where to; its folder exists.
+
+    Returns
+    -------
+    BerryDetector
+        The network as the file has it: evaluation mode, weights rounded.
     """
     import onnx
 
-    network.float().to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]
-    graph = OnnxGraph(network).eval()
-    example = torch.from_numpy(np.random.default_rng(0).integers(0, 256, (1, 384, 512, 3), dtype=np.uint8))
+    stored = rounded(network)
+    example = torch.from_numpy(np.random.default_rng(0).integers(0, 256, (1, *TRACED, 3), dtype=np.uint8))
     dynamic = {name: {0: "berries"} for name in OUTPUTS} | {"image": {1: "height", 2: "width"}}
     with warnings.catch_warnings(), torch.no_grad():
-        warnings.simplefilter("ignore")
+        warnings.simplefilter("ignore")  # of the tracer's, which can't know that sizes stay open
         torch.onnx.export(
-            graph,
+            OnnxGraph(stored).eval(),
             (example, torch.tensor(0.0)),
             str(path),
             input_names=INPUTS,
             output_names=OUTPUTS,
             dynamic_axes=dynamic,
             opset_version=OPSET,
+            training=torch.onnx.TrainingMode.PRESERVE,
+            do_constant_folding=False,
             dynamo=False,
         )
-    onnx.save(halved(onnx.load(str(path))), str(path))
+    model = onnx.load(str(path))
+    halve(model)
+    onnx.save(model, str(path))
+    return stored
 
 
-def halved(model):  # type: ignore[no-untyped-def]
-    """The model with every large float32 initialiser stored as float16 and cast when the model is loaded."""
+def rounded(network: BerryDetector) -> BerryDetector:
+    """A copy for evaluation whose weights are those that half precision can hold."""
+    copied = copy.deepcopy(network).float().to(memory_format=torch.contiguous_format).eval()  # type: ignore[call-overload]
+    for parameter in copied.parameters():
+        if _is_halved(parameter.shape):
+            parameter.data = parameter.data.half().float()
+    result: BerryDetector = copied
+    return result
+
+
+def _is_halved(shape: Sequence[int]) -> bool:
+    """Whether an array of this shape is kept in half precision: weights are, biases and statistics are not."""
+    return len(shape) >= 2 and math.prod(shape) >= LEAST_HALVED
+
+
+def halve(model: onnx.ModelProto) -> None:
+    """Store the weights among the model's float32 initialisers as float16, with a cast to float32 behind each."""
     from onnx import TensorProto, helper, numpy_helper
 
     graph = model.graph
     casts, stored = [], []
     for tensor in graph.initializer:
-        if tensor.data_type != TensorProto.FLOAT or np.prod(tensor.dims) < 64:
+        if tensor.data_type != TensorProto.FLOAT or not _is_halved(tensor.dims):
             stored.append(tensor)
             continue
-        values = numpy_helper.to_array(tensor)
         name = f"{tensor.name}_half"
-        stored.append(numpy_helper.from_array(values.astype(np.float16), name))
+        stored.append(numpy_helper.from_array(numpy_helper.to_array(tensor).astype(np.float16), name))
         casts.append(helper.make_node("Cast", [name], [tensor.name], to=TensorProto.FLOAT))
     nodes = casts + list(graph.node)
     del graph.initializer[:], graph.node[:]
     graph.initializer.extend(stored)
     graph.node.extend(nodes)
-    return model
