@@ -12,7 +12,7 @@ from punnet.cli.options import Json
 from punnet.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from punnet.perception.thesis_tables import DatasetFacts, MarkdownTable
+    from punnet.data.thesis_tables import DatasetFacts, MarkdownTable
 
 __all__ = ["register"]
 
@@ -37,14 +37,14 @@ def register(app: typer.Typer) -> None:
 
 def table_3_1(data: DataSets, as_json: Json = False) -> None:
     """What data sets hold: depth, masks, key-points, weights."""
-    from punnet.perception import thesis_tables
+    from punnet.data import thesis_tables
 
     _show(thesis_tables.table_3_1(_facts(data)), as_json)
 
 
 def table_3_2(data: DataSets, as_json: Json = False) -> None:
     """How many berries of each class data sets hold."""
-    from punnet.perception import thesis_tables
+    from punnet.data import thesis_tables
 
     _show(thesis_tables.table_3_2(_facts(data)), as_json)
 
@@ -66,8 +66,8 @@ def table_3_3(
 
     Rows stand in the order: evaluations made earlier, those made now, the thesis.
     """
-    from punnet.perception import thesis_tables
     from punnet.perception.evaluation_folder import read_evaluation
+    from punnet.perception.precision_table import table_3_3 as tabulate
 
     figures: dict[str, dict[str, Any]] = {}
     for given in evaluations or []:
@@ -76,7 +76,7 @@ def table_3_3(
     for given in rows or []:
         name, row = _named(given)
         _add(figures, name, _evaluate(row))
-    _show(thesis_tables.table_3_3(figures), as_json)
+    _show(tabulate(figures), as_json)
     left_out = {name: len(data["skipped"]) for name, data in figures.items() if data["skipped"]}
     for name, count in left_out.items():
         note(f"{name}: {count} images could not be scored and are left out")
@@ -93,7 +93,7 @@ def _show(table: MarkdownTable, as_json: bool) -> None:
 
 def _facts(data: list[str]) -> list[DatasetFacts]:
     from punnet.data.formats import read_dataset
-    from punnet.perception.thesis_tables import dataset_facts
+    from punnet.data.thesis_tables import dataset_facts
 
     return [dataset_facts(read_dataset(path), name) for name, path in map(_named, data)]
 
