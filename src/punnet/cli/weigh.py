@@ -82,7 +82,7 @@ def _grams(value: float) -> str:
 def _write(folder: Path, frame: Frame, berries: Strawberries) -> None:
     import cv2
 
-    from punnet.perception.overlay import draw_overlay
+    from punnet.scene.overlay import draw_overlay
 
     _, encoded = cv2.imencode(".png", draw_overlay(frame.rgb, berries)[:, :, ::-1])
     (folder / "overlay.png").write_bytes(encoded.tobytes())

@@ -18,9 +18,9 @@ from punnet import __version__
 from punnet.harvest.attempts import Attempt, HarvestRun, Outcome
 from punnet.harvest.records import HarvestReport, LeftRecord, PickRecord, PunnetRecord
 from punnet.harvest.scenario import Session
-from punnet.perception.overlay import draw_overlay
 from punnet.planning.plot import plot_distribution
 from punnet.scene import CLASSES, PLUCKABLE, Strawberries
+from punnet.scene.overlay import draw_overlay
 
 __all__ = ["annotated_first_view", "tell"]
 

@@ -15,8 +15,8 @@ from punnet.data import AnnotatedImage, Dataset, annotate_image, write_coco
 from punnet.errors import FileFormatError, OutputError, PunnetError
 from punnet.outputs import OutputFolder
 from punnet.perception.detector import Detector
-from punnet.perception.overlay import draw_overlay
 from punnet.scene import Frame, Strawberries, read_image
+from punnet.scene.overlay import draw_overlay
 
 __all__ = ["PHOTO_SUFFIXES", "PhotoResult", "detect_photos", "list_photos"]
 

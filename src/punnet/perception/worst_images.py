@@ -12,7 +12,7 @@ from punnet.data.dataset import AnnotatedImage
 from punnet.errors import ConfigurationError
 from punnet.perception.comparing import ImageRecord
 from punnet.perception.detector import Detector
-from punnet.perception.overlay import draw_overlay
+from punnet.scene.overlay import draw_overlay
 
 __all__ = ["draw_worst_images"]
 

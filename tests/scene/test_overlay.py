@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from punnet.errors import ShapeError
-from punnet.perception.overlay import CLASS_COLOURS, draw_overlay
 from punnet.scene import Strawberries
+from punnet.scene.overlay import CLASS_COLOURS, draw_overlay
 
 
 def berries(size: tuple[int, int] = (240, 320), n: int = 2) -> Strawberries:
@@ -84,3 +84,15 @@ def test_labels_of_a_crowd_stay_in_the_picture() -> None:
 def test_another_size_is_refused() -> None:
     with pytest.raises(ShapeError, match="overlay"):
         draw_overlay(np.zeros((10, 10, 3), np.uint8), berries())
+
+
+def test_given_labels_are_written_for_every_berry() -> None:
+    found = berries().with_fields(scores=np.array([0.9, 0.1]))
+    image = np.full((240, 320, 3), 90, np.uint8)
+    plain = draw_overlay(image, found, labels=["1", "2"])
+    other = draw_overlay(image, found, labels=["1", "3"])
+    changed = np.argwhere((plain != other).any(axis=2))
+    assert len(changed)
+    assert changed[:, 1].min() > 120  # beside the second berry, unsure and unpluckable as it is
+    with pytest.raises(ShapeError, match="1 labels for 2"):
+        draw_overlay(image, found, labels=["1"])

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from punnet.errors import ShapeError
-from punnet.scene import CLASSES, Strawberries, Visibility
+from punnet.scene.strawberries import CLASSES, Strawberries, Visibility
 
 __all__ = ["draw_overlay"]
 
@@ -26,7 +28,9 @@ LABELLED_SCORE = 0.5
 DARK: Colour = (20, 20, 20)
 
 
-def draw_overlay(rgb: NDArray[np.uint8], berries: Strawberries) -> NDArray[np.uint8]:
+def draw_overlay(
+    rgb: NDArray[np.uint8], berries: Strawberries, *, labels: Sequence[str] | None = None
+) -> NDArray[np.uint8]:
     """Draw masks, boxes, axes, key-points and labels over an image.
 
     Key-points are filled where visible, hollow where the fruit hides them itself, crossed where something
@@ -39,6 +43,8 @@ def draw_overlay(rgb: NDArray[np.uint8], berries: Strawberries) -> NDArray[np.ui
         (H, W, 3) uint8; left as it is.
     berries
         What was found in it.
+    labels
+        One a berry, to write in place of class, score, ripeness and grams; none is left out.
 
     Returns
     -------
@@ -48,12 +54,14 @@ def draw_overlay(rgb: NDArray[np.uint8], berries: Strawberries) -> NDArray[np.ui
     Raises
     ------
     ShapeError
-        If the image has another size than the one the berries were found in.
+        If the image has another size than the one the berries were found in, or the labels another count.
     """
     if rgb.shape[:2] != berries.image_size or rgb.shape[2:] != (3,) or rgb.dtype != np.uint8:
         raise ShapeError(
             f"overlay: image is {rgb.dtype} {rgb.shape}, the berries are of an image {berries.image_size}"
         )
+    if labels is not None and len(labels) != len(berries):
+        raise ShapeError(f"overlay: {len(labels)} labels for {len(berries)} berries")
     picture = rgb.copy()
     scale = max(0.5, min(rgb.shape[:2]) / 600.0)
     for box, berry_class, mask in zip(berries.boxes, berries.classes, _masks(berries), strict=True):
@@ -63,13 +71,7 @@ def draw_overlay(rgb: NDArray[np.uint8], berries: Strawberries) -> NDArray[np.ui
     if berries.keypoints is not None and berries.visibility is not None:
         for points, codes in zip(berries.keypoints, berries.visibility, strict=True):
             _keypoints(picture, points, codes, scale)
-    taken: list[tuple[int, int, int, int]] = []
-    for i in np.flatnonzero(berries.pluckable):
-        _label(picture, berries, int(i), taken, scale, crowding=1.0)
-    # What is not for picking must not be written over what is.
-    taken += [(int(u0), int(v0), int(u1), int(v1)) for u0, v0, u1, v1 in berries.boxes[berries.pluckable]]
-    for i in np.flatnonzero(~berries.pluckable & (berries.scores >= LABELLED_SCORE)):
-        _label(picture, berries, int(i), taken, scale, crowding=0.2)
+    _labels(picture, berries, labels, scale)
     return picture
 
 
@@ -130,17 +132,33 @@ def _keypoints(
                     cv2.line(picture, start, end, line_colour, _thickness(scale, width), cv2.LINE_AA)
 
 
+def _labels(
+    picture: NDArray[np.uint8], berries: Strawberries, labels: Sequence[str] | None, scale: float
+) -> None:
+    taken: list[tuple[int, int, int, int]] = []
+    if labels is not None:
+        for number, label in enumerate(labels):
+            _label(picture, berries, number, [label], taken, scale, crowding=1.0)
+        return
+    for i in np.flatnonzero(berries.pluckable):
+        _label(picture, berries, int(i), _words(berries, int(i)), taken, scale, crowding=1.0)
+    # What is not for picking must not be written over what is.
+    taken += [(int(u0), int(v0), int(u1), int(v1)) for u0, v0, u1, v1 in berries.boxes[berries.pluckable]]
+    for i in np.flatnonzero(~berries.pluckable & (berries.scores >= LABELLED_SCORE)):
+        _label(picture, berries, int(i), _words(berries, int(i)), taken, scale, crowding=0.2)
+
+
 def _label(
     picture: NDArray[np.uint8],
     berries: Strawberries,
     i: int,
+    lines: list[str],
     taken: list[tuple[int, int, int, int]],
     scale: float,
     *,
     crowding: float,
 ) -> None:
     """Write a berry's label, unless more than ``crowding`` of it would lie over others (``taken``)."""
-    lines = _words(berries, i)
     font, size, weight = cv2.FONT_HERSHEY_SIMPLEX, 0.42 * scale**0.8, max(1, round(0.9 * scale))
     extents = [cv2.getTextSize(line, font, size, weight)[0] for line in lines]
     pad = max(2, round(3 * scale))
