@@ -30,8 +30,8 @@ __all__ = [
 
 # Fields that become fields of an annotation, or follow from those.
 FIELDS = frozenset(
-    ("id", "image_id", "category_id", "bbox", "area", "iscrowd", "segmentation", "keypoints", "num_keypoints")
-    + ("visibility_detail", "ripeness", "stage", "occlusion", "weight_g", "keypoint_depths_m")
+    {"id", "image_id", "category_id", "bbox", "area", "iscrowd", "segmentation", "keypoints", "num_keypoints"}
+    | {"visibility_detail", "ripeness", "stage", "occlusion", "weight_g", "keypoint_depths_m"}
 )
 Order = Sequence[int]
 """Where in the file each of the five key-points stands."""
@@ -131,7 +131,7 @@ def read_keypoints(
         return None, None
     table = np.array(numbers(given, 3 * len(KEYPOINTS), f"{where}: keypoints")).reshape(-1, 3)
     flags = table[:, 2].astype(np.int64)
-    if (flags != table[:, 2]).any() or (flags < 0).any() or (flags > Visibility.VISIBLE).any():
+    if not all(flag in (0.0, 1.0, 2.0) for flag in table[:, 2].tolist()):
         raise FileFormatError(f"{where}: keypoints: visibility must be 0, 1 or 2, got {table[:, 2].tolist()}")
     if not flags.any() and entry.get("visibility_detail") is None:
         return None, None

@@ -29,6 +29,7 @@ STAGES = ("green", "white", "turning", "ripe", "overripe", "rotten")
 """Stages of colour, in the order in which a berry goes through them."""
 NAN = float("nan")
 MILLIMETRE = 0.001
+VISIBILITIES = frozenset(int(code) for code in Visibility)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +90,8 @@ class Annotation:
         if self.class_index not in range(len(CLASSES)):
             raise ShapeError(f"{where}: class must be 0 ({CLASSES[0]}) or 1 ({CLASSES[1]})")
         box = _numbers(self.box, (4,), f"{where}: box")
-        if not np.isfinite(box).all() or (box[2:] < box[:2]).any():
+        x0, y0, x1, y1 = box.tolist()
+        if not (math.isfinite(x0 + y0 + x1 + y1) and x0 <= x1 and y0 <= y1):
             raise ShapeError(
                 f"{where}: box must be finite with x0 ≤ x1 and y0 ≤ y1, got {box.tolist()} (xyxy)"
             )
@@ -112,19 +114,23 @@ class Annotation:
         """Set both arrays; return the box that holds the key-points."""
         points = _numbers(self.keypoints, (len(KEYPOINTS), 2), f"{where}: keypoints")
         codes = np.asarray(self.visibility)
-        if codes.shape != (len(KEYPOINTS),) or not np.isin(codes, [int(code) for code in Visibility]).all():
+        # Plain numbers: NumPy's start-up time an operation would be most of what reading a file takes.
+        if codes.shape != (len(KEYPOINTS),) or not all(code in VISIBILITIES for code in codes.tolist()):
             raise ShapeError(f"{where}: visibility must be {len(KEYPOINTS)} codes of 0 … 3")
-        known: NDArray[np.bool_] = np.asarray(np.isfinite(points).all(axis=1))
-        if np.isinf(points).any() or (known != (codes != Visibility.ABSENT)).any():
-            raise ShapeError(f"{where}: a key-point is NaN if and only if its visibility is 0 (absent)")
-        points = np.where(known[:, None], points, np.nan)
+        known = []
+        for (u, v), code in zip(points.tolist(), codes.tolist(), strict=True):
+            if math.isinf(u) or math.isinf(v) or math.isnan(u + v) != (code == Visibility.ABSENT):
+                raise ShapeError(f"{where}: a key-point is NaN if and only if its visibility is 0 (absent)")
+            if code != Visibility.ABSENT:
+                known.append((u, v))
+        points[codes == Visibility.ABSENT] = np.nan
         object.__setattr__(self, "keypoints", points)
         object.__setattr__(self, "visibility", codes.astype(np.int64))
-        if not known.any():
+        if not known:
             return box
-        return np.concatenate(
-            (np.minimum(box[:2], points[known].min(axis=0)), np.maximum(box[2:], points[known].max(axis=0)))
-        )
+        x0, y0, x1, y1 = box.tolist()
+        us, vs = zip(*known, strict=True)
+        return np.array([min(x0, *us), min(y0, *vs), max(x1, *us), max(y1, *vs)])
 
 
 @dataclass(frozen=True, eq=False)

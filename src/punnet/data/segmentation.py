@@ -66,7 +66,9 @@ def check_segmentation(segmentation: Segmentation, size: tuple[int, int]) -> Seg
         return _check_run_lengths(segmentation, size)
     if not isinstance(segmentation, list) or not segmentation:
         raise ShapeError("segmentation must be a list of polygons, run lengths, or absent")
-    return [_check_polygon(polygon) for polygon in segmentation]
+    checked = [_check_polygon(polygon) for polygon in segmentation]
+    same = all(new is old for new, old in zip(checked, segmentation, strict=True))
+    return segmentation if same else checked
 
 
 def _check_run_lengths(segmentation: dict[str, Any], size: tuple[int, int]) -> dict[str, Any]:
@@ -82,15 +84,19 @@ def _check_run_lengths(segmentation: dict[str, Any], size: tuple[int, int]) -> d
 
 
 def _check_polygon(polygon: Any) -> list[float]:
-    try:
-        values = [float(value) for value in polygon] if isinstance(polygon, list | tuple) else []
-    except (TypeError, ValueError, OverflowError) as error:
-        raise ShapeError(f"segmentation: a polygon holds something that is no number ({error})") from error
+    values: list[float] = polygon if isinstance(polygon, list) else []
     if len(values) % 2 or len(values) < 2 * FEWEST_CORNERS:
         raise ShapeError(
             f"segmentation: a polygon needs {FEWEST_CORNERS} or more corners, x and y each, got {len(values)} numbers"
         )
-    if not all(math.isfinite(value) and abs(value) <= FARTHEST for value in values):
+    if not all(type(value) is float for value in values):
+        try:
+            values = [float(value) for value in values]
+        except (TypeError, ValueError, OverflowError) as error:
+            raise ShapeError(
+                f"segmentation: a polygon holds something that is no number ({error})"
+            ) from error
+    if not math.isfinite(sum(values)) or max(values) > FARTHEST or min(values) < -FARTHEST:
         raise ShapeError("segmentation: a polygon has a corner that is no number or far outside of any image")
     return values
 

@@ -24,12 +24,19 @@ MOST_CHARACTERS = 7
 
 def encode_mask(mask: NDArray[np.bool_]) -> dict[str, Any]:
     """(H, W) bool to ``{"size": [H, W], "counts": "…"}``, COCO's compressed run lengths."""
-    flat = np.asarray(mask, dtype=np.bool_).ravel(order="F")
-    edges = np.flatnonzero(flat[1:] != flat[:-1]) + 1
-    counts = np.diff(np.concatenate(([0], edges, [flat.size])))
-    if flat.size and flat[0]:
-        counts = np.concatenate(([0], counts))
-    return {"size": [int(mask.shape[0]), int(mask.shape[1])], "counts": _compress(counts)}
+    pixels = np.asarray(mask, dtype=np.bool_)
+    height, width = pixels.shape
+    columns = np.flatnonzero(pixels.any(axis=0))
+    if not columns.size:
+        return {"size": [height, width], "counts": _compress(np.array([height * width]))}
+    # Only the columns from the first berry pixel to the last: a berry is a small part of its image.
+    first = int(columns[0])
+    flat = np.concatenate(([False], pixels[:, first : int(columns[-1]) + 1].ravel(order="F"), [False]))
+    edges = np.flatnonzero(flat[1:] != flat[:-1]) + first * height
+    counts = np.diff(edges, prepend=0, append=height * width)
+    if counts[-1] == 0:
+        counts = counts[:-1]
+    return {"size": [height, width], "counts": _compress(counts)}
 
 
 def decode_mask(segmentation: dict[str, Any]) -> NDArray[np.bool_]:
