@@ -72,6 +72,8 @@ class Fault:
         The image, None if it is not known.
     annotation_id
         The annotation, None if it is the image that has the fault. Ids are given as they stand in the file.
+    position
+        Where its entry stands in the file's list, from 0; None for a fault of the whole file.
     """
 
     code: str
@@ -80,6 +82,7 @@ class Fault:
     image_id: Any = None
     file_name: str | None = None
     annotation_id: Any = None
+    position: int | None = None
 
     def __post_init__(self) -> None:
         if self.code not in FAULTS:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 from punnet.data.faults import Fault
@@ -22,11 +23,17 @@ def check_image_entries(raw: RawCoco) -> Iterator[Fault]:
     """Yield the faults of the entries, without opening a photograph."""
     seen_ids: set[Any] = set()
     seen_names: Counter[str] = Counter()
-    for number, image in enumerate(raw.images, start=1):
+    for position, image in enumerate(raw.images):
         if not isinstance(image, dict):
-            yield Fault("image-field", f"entry {number} of images is no object; remove it", raw.path)
+            message = f"entry {position + 1} of images is no object; remove it"
+            yield Fault("image-field", message, raw.path, position=position)
             continue
-        where: dict[str, Any] = {"file": raw.path, "image_id": image.get("id"), "file_name": name_of(image)}
+        where: dict[str, Any] = {
+            "file": raw.path,
+            "image_id": image.get("id"),
+            "file_name": name_of(image),
+            "position": position,
+        }
         if missing := [name for name, is_good in _IMAGE_FIELDS.items() if not is_good(image.get(name))]:
             message = f"{', '.join(missing)} missing or unusable; each image needs {', '.join(_IMAGE_FIELDS)}"
             yield Fault("image-field", message, **where)
@@ -56,26 +63,29 @@ _IMAGE_FIELDS: dict[str, Callable[[Any], bool]] = {
 
 def check_photographs(raw: RawCoco, progress: Progress) -> Iterator[Fault]:
     """Yield the faults of the photographs; each is decoded once. ``progress`` is told how many of how many."""
-    images = [image for image in raw.images if isinstance(image, dict) and name_of(image)]
+    images = [
+        (position, image)
+        for position, image in enumerate(raw.images)
+        if isinstance(image, dict) and name_of(image)
+    ]
     # Decoding leaves Python's lock; a file cut off in the middle shows in no other way.
     with ThreadPoolExecutor(DECODERS) as pool:
-        found = pool.map(lambda image: _photograph(image, raw), images)
-        for done, findings in enumerate(found, start=1):
+        found = pool.map(lambda numbered: _photograph(numbered[1], raw), images)
+        for done, ((position, image), findings) in enumerate(zip(images, found, strict=True), start=1):
             for code, message in findings:
-                yield Fault(
-                    code,
-                    message,
-                    raw.path,
-                    image_id=images[done - 1].get("id"),
-                    file_name=name_of(images[done - 1]),
-                )
+                where: dict[str, Any] = {
+                    "image_id": image.get("id"),
+                    "file_name": name_of(image),
+                    "position": position,
+                }
+                yield Fault(code, message, raw.path, **where)
             progress(done, len(images))
 
 
 def _photograph(image: dict[str, Any], raw: RawCoco) -> list[tuple[str, str]]:
     findings: list[tuple[str, str]] = []
     path = beside(raw.image_folder, image["file_name"], str(raw.path))
-    if not path.is_file():
+    if not _is_file(path):
         findings.append(("missing-image", f"{path} is not there; copy it there, or give --images FOLDER"))
     else:
         try:
@@ -90,9 +100,21 @@ def _photograph(image: dict[str, Any], raw: RawCoco) -> list[tuple[str, str]]:
                 )
                 findings.append(("size-mismatch", message))
     depth = image.get("depth_path")
-    if isinstance(depth, str) and not beside(raw.path.parent, depth, str(raw.path)).is_file():
+    if (
+        isinstance(depth, str)
+        and depth
+        and "\0" not in depth
+        and not _is_file(beside(raw.path.parent, depth, str(raw.path)))
+    ):
         findings.append(("missing-depth", f"depth_path {depth} is not there; copy it there, or leave it out"))
     return findings
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name that no file system takes
+        return False
 
 
 def name_of(image: dict[str, Any]) -> str | None:

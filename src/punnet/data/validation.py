@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from punnet.data.raw_values import Surroundings
 from punnet.errors import FileFormatError
 from punnet.scene import CLASSES
 
-__all__ = ["validate_coco"]
+__all__ = ["validate_coco", "validate_entries"]
 
 
 def validate_coco(
@@ -44,13 +45,15 @@ def validate_coco(
         If the file is missing, no JSON or not COCO at all.
     """
     raw = path if isinstance(path, RawCoco) else open_raw_coco(path, image_folder)
-    faults = [
-        *_categories(raw, class_map),
-        *check_image_entries(raw),
-        *check_photographs(raw, progress or (lambda done, total: None)),
-        *_annotations(raw),
-    ]
-    return FaultReport(raw.path, len(raw.images), len(raw.annotations), tuple(faults))
+    photographs = check_photographs(raw, progress or (lambda done, total: None))
+    entries = validate_entries(raw, class_map)
+    return replace(entries, faults=(*entries.faults, *photographs))
+
+
+def validate_entries(raw: RawCoco, class_map: ClassMap | None = None) -> FaultReport:
+    """Find what is wrong with the entries alone; no photograph is opened."""
+    faults = (*_categories(raw, class_map), *check_image_entries(raw), *_annotations(raw))
+    return FaultReport(raw.path, len(raw.images), len(raw.annotations), faults)
 
 
 def _categories(raw: RawCoco, class_map: ClassMap | None) -> Iterator[Fault]:
@@ -79,11 +82,13 @@ def _annotations(raw: RawCoco) -> Iterator[Fault]:
     names = category_names(raw.data)
     own_dialect = set(names.values()) <= set(CLASSES)
     seen: set[Any] = set()
-    for number, annotation in enumerate(raw.annotations, start=1):
+    for position, annotation in enumerate(raw.annotations):
         if not isinstance(annotation, dict):
-            yield Fault(
-                "annotation-field", f"entry {number} of annotations is no object; remove it", raw.path
+            message, name = (
+                f"entry {position + 1} of annotations is no object; remove it",
+                f"number {position + 1}",
             )
+            yield Fault("annotation-field", message, raw.path, annotation_id=name, position=position)
             continue
         identity, image_id = annotation.get("id"), annotation.get("image_id")
         image = images.get(image_id) if isinstance(image_id, int | str) else None
@@ -91,7 +96,8 @@ def _annotations(raw: RawCoco) -> Iterator[Fault]:
             "file": raw.path,
             "image_id": image_id,
             "file_name": None if image is None else name_of(image),
-            "annotation_id": identity if identity is not None else f"number {number}",
+            "annotation_id": identity if identity is not None else f"number {position + 1}",
+            "position": position,
         }
         if not isinstance(identity, int) or isinstance(identity, bool):
             yield Fault("annotation-field", f"id is {identity!r:.40}; a whole number is needed", **where)
