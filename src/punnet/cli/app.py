@@ -21,7 +21,20 @@ from typing import Annotated, Any
 import typer
 
 from punnet import __version__
-from punnet.cli import benchmark, demo, demos, detect, evaluate, info, models, plan, reproduce, train, weigh
+from punnet.cli import (
+    benchmark,
+    data,
+    demo,
+    demos,
+    detect,
+    evaluate,
+    info,
+    models,
+    plan,
+    reproduce,
+    train,
+    weigh,
+)
 from punnet.errors import PunnetError
 from punnet.outputs import Interrupted
 
@@ -38,7 +51,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode="rich",
 )
-for _group in (demo, detect, weigh, plan, evaluate, reproduce, benchmark, demos, train, models, info):
+for _group in (demo, detect, weigh, plan, data, evaluate, reproduce, benchmark, demos, train, models, info):
     _group.register(app)
 
 

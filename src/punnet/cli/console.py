@@ -11,7 +11,18 @@ from typing import TYPE_CHECKING, Any, TypeVar
 if TYPE_CHECKING:
     from rich.table import Table
 
-__all__ = ["film_progress", "note", "print_json", "print_table", "progress_bar", "say", "track", "whisper"]
+__all__ = [
+    "busy",
+    "counted_progress",
+    "film_progress",
+    "note",
+    "print_json",
+    "print_table",
+    "progress_bar",
+    "say",
+    "track",
+    "whisper",
+]
 
 Item = TypeVar("Item")
 
@@ -77,10 +88,29 @@ def progress_bar(what: str, total: int) -> Iterator[Callable[[], None]]:
 
 
 @contextmanager
-def film_progress() -> Iterator[Callable[[int, int], None]]:
-    """Like :func:`progress_bar`, told of frames done and frames in all, which nobody knows before."""
-    with _bar("drawing the film") as show:
+def counted_progress(what: str) -> Iterator[Callable[[int, int], None]]:
+    """Like :func:`progress_bar`, told of items done and items in all, which nobody knows before."""
+    with _bar(what) as show:
         yield show
+
+
+@contextmanager
+def film_progress() -> Iterator[Callable[[int, int], None]]:
+    """Progress of drawing a film, told of frames done and frames in all."""
+    with counted_progress("drawing the film") as show:
+        yield show
+
+
+@contextmanager
+def busy(what: str) -> Iterator[None]:
+    """Something that moves on stderr while nobody can say how far it is; silent where stderr is no terminal."""
+    if not sys.stderr.isatty():
+        yield
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status(what):
+        yield
 
 
 @contextmanager

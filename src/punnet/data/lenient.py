@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import json
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
 from punnet.data.class_names import ClassMap
 from punnet.data.coco import read_coco
-from punnet.data.dataset import Dataset
+from punnet.data.dataset import AnnotatedImage, Dataset
 from punnet.data.faults import Fault
 from punnet.data.fixing import rebase
 from punnet.data.formats import guess_format, read_dataset
+from punnet.data.image_checks import Progress
 from punnet.data.raw_coco import RawCoco, find_coco_file, open_raw_coco
+from punnet.data.reading import image_size
 from punnet.data.validation import validate_entries
 from punnet.errors import FileFormatError
 from punnet.outputs import write_text
 
-__all__ = ["read_readable"]
+__all__ = ["read_readable", "with_photographs"]
+
+DECODERS = 2
 
 # What a reader can do without: the label is there, if not as it should be.
 HARMLESS = frozenset(
@@ -61,6 +66,42 @@ def read_readable(
         if not left_out:
             raise
     return _read_rest(raw, left_out, class_map), left_out
+
+
+def with_photographs(dataset: Dataset, progress: Progress | None = None) -> tuple[Dataset, list[str]]:
+    """The images whose photograph is there, readable and of the size that is annotated; each is decoded once.
+
+    Returns
+    -------
+    dataset
+        Those images.
+    left_out
+        What is wrong with the others.
+    """
+    kept: list[int] = []
+    left_out: list[str] = []
+    with ThreadPoolExecutor(DECODERS) as pool:
+        for index, problem in enumerate(pool.map(_problem, dataset)):
+            if problem is None:
+                kept.append(index)
+            else:
+                left_out.append(problem)
+            if progress is not None:
+                progress(index + 1, len(dataset))
+    return dataset.subset(kept), left_out
+
+
+def _problem(image: AnnotatedImage) -> str | None:
+    try:
+        size = image_size(image.path)
+    except FileFormatError as error:
+        return str(error)
+    if size == image.size:
+        return None
+    return (
+        f"{image.path}: is {size[1]}×{size[0]}, its annotations are for {image.width}×{image.height}; "
+        "annotate it again, or give the photograph that was annotated"
+    )
 
 
 def _read_rest(raw: RawCoco, left_out: list[Fault], class_map: ClassMap | None) -> Dataset:

@@ -1,0 +1,79 @@
+"""``punnet data convert``: labelled images of any format in, one annotation out."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from punnet.cli.console import busy, counted_progress, note, print_json, say
+from punnet.cli.data_options import ClassMapping, DataFormat, DataPath, class_map_of
+from punnet.cli.options import Json
+
+if TYPE_CHECKING:
+    from punnet.data.dataset import Dataset
+
+__all__ = ["Target", "convert"]
+
+
+class Target(StrEnum):
+    """Formats that are written."""
+
+    COCO = "coco"
+    YOLO_SEGMENTATION = "yolo-segment"
+    YOLO_POSE = "yolo-pose"
+
+
+def convert(
+    path: DataPath,
+    out: Annotated[
+        Path,
+        typer.Option("--out", "-o", help="A JSON file (COCO) or a folder (YOLO).", show_default=False),
+    ],
+    to: Annotated[Target, typer.Option("--to", help="What to write.")] = Target.COCO,
+    data_format: DataFormat = None,
+    class_map: ClassMapping = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Convert labelled images to COCO, masks and key-points in one annotation, or to YOLO.
+
+    COCO names the photographs where they are, relative to the new file. What can't be read is left out, said so, and
+    makes the exit code 1.
+    """
+    from punnet.data.lenient import read_readable, with_photographs
+    from punnet.errors import FileFormatError
+
+    with busy("reading"):
+        dataset, faults = read_readable(path, data_format, class_map=class_map_of(class_map))
+    with counted_progress("checking photographs") as progress:
+        dataset, bad = with_photographs(dataset, progress)
+    left_out = [*map(str, faults), *bad]
+    for message in left_out:
+        note(f"left out: {message}")
+    if not len(dataset):
+        raise FileFormatError(f"{path}: no image is left to be written")
+    with busy("writing"):
+        _write(dataset, out, to, force)
+    berries = sum(len(image.annotations) for image in dataset)
+    if as_json:
+        summary = {"out": str(out), "to": str(to), "images": len(dataset), "annotations": berries}
+        print_json(summary | {"left_out": left_out})
+    else:
+        say(f"wrote {out}: {len(dataset)} images, {berries} annotations")
+    if left_out:
+        note(f"{len(left_out)} images or annotations left out")
+        raise typer.Exit(1)
+
+
+def _write(dataset: Dataset, out: Path, to: Target, force: bool) -> None:
+    if to is Target.COCO:
+        from punnet.data.coco import write_coco
+
+        write_coco(dataset, out, force=force)
+        return
+    from punnet.data.yolo import write_yolo
+
+    write_yolo(dataset, out, "segment" if to is Target.YOLO_SEGMENTATION else "pose", force=force)
