@@ -18,6 +18,8 @@ KNOWN = {
     "unpluckable": UNPLUCKABLE,
     "unripe": UNPLUCKABLE,
     "green": UNPLUCKABLE,
+    "white": UNPLUCKABLE,
+    "overripe": UNPLUCKABLE,
     "rotten": UNPLUCKABLE,
 }
 

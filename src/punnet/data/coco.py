@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from punnet.data.class_names import ClassMap, classify, same_name
+from punnet.data.class_names import ClassMap, classify
 from punnet.data.coco_entries import (
-    Order,
     annotation_to_entry,
     entry_to_annotation,
     entry_to_camera,
     image_to_entry,
+    keypoint_order,
     relative,
 )
 from punnet.data.dataset import AnnotatedImage, Annotation, Dataset
@@ -178,7 +178,10 @@ def read_coco(
     file = open_coco(path)
     categories = file.categories()
     names = {number: str(category.get("name")) for number, category in categories.items()}
-    orders = {number: _order(category, file.path) for number, category in categories.items()}
+    orders = {
+        number: keypoint_order(category.get("keypoints"), f"{file.path}: category {number}")
+        for number, category in categories.items()
+    }
 
     def read_entry(
         entry: dict[str, Any], identity: int, size: tuple[int, int], where: str
@@ -194,20 +197,6 @@ def read_coco(
         return entry_to_annotation(entry, identity, class_index, size, where, orders[category])
 
     return file.dataset(file.image_folder(image_folder), read_entry)
-
-
-def _order(category: dict[str, Any], path: Path) -> Order | None:
-    given = category.get("keypoints")
-    if not isinstance(given, list) or not given:
-        return None
-    names = [same_name(str(name)) for name in given]
-    if names == list(KEYPOINTS) or names == [str(k + 1) for k in range(len(KEYPOINTS))]:
-        return None
-    if sorted(names) != sorted(KEYPOINTS):
-        raise FileFormatError(
-            f"{path}: category {category.get('id')} has the key-points {given}; they must be {', '.join(KEYPOINTS)}"
-        )
-    return [names.index(name) for name in KEYPOINTS]
 
 
 def write_coco(dataset: Dataset, path: str | Path, *, force: bool = False) -> Path:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from punnet.data.class_names import same_name
 from punnet.data.dataset import AnnotatedImage, Annotation
 from punnet.data.reading import integer, number, numbers
 from punnet.data.segmentation import Segmentation, check_segmentation, encode_segmentation, outline_box
@@ -24,6 +25,7 @@ __all__ = [
     "entry_to_annotation",
     "entry_to_camera",
     "image_to_entry",
+    "keypoint_order",
     "read_keypoints",
     "relative",
 ]
@@ -75,7 +77,7 @@ def entry_to_annotation(
         return Annotation(
             id=identity,
             class_index=class_index,
-            box=_box(entry, segmentation, size, where),
+            box=_box(entry, segmentation, points, size, where),
             segmentation=segmentation,
             keypoints=points,
             visibility=codes,
@@ -102,14 +104,20 @@ def _segmentation(entry: dict[str, Any], size: tuple[int, int], where: str) -> S
 
 
 def _box(
-    entry: dict[str, Any], segmentation: Segmentation, size: tuple[int, int], where: str
+    entry: dict[str, Any],
+    segmentation: Segmentation,
+    points: NDArray[np.float64] | None,
+    size: tuple[int, int],
+    where: str,
 ) -> NDArray[np.float64]:
     if entry.get("bbox") is not None:
         left, top, width, height = numbers(entry["bbox"], 4, f"{where}: bbox")
         return np.array([left, top, left + width, top + height])
     box = outline_box(segmentation, size)
+    if box is None and points is not None and np.isfinite(points).any():
+        box = np.concatenate((np.nanmin(points, axis=0), np.nanmax(points, axis=0)))
     if box is None:
-        raise FileFormatError(f"{where}: has neither bbox nor segmentation; one of them is needed")
+        raise FileFormatError(f"{where}: has no bbox, segmentation or key-points; one of them is needed")
     return box
 
 
@@ -145,6 +153,24 @@ def read_keypoints(
             )
     points = np.where((flags > 0)[:, None], table[:, :2], np.nan)
     return (points, codes) if order is None else (points[list(order)], codes[list(order)])
+
+
+def keypoint_order(names: Any, where: str) -> Order | None:
+    """Where each of the five key-points stands among ``names``; None for the usual order, numbers, and no names.
+
+    Raises
+    ------
+    FileFormatError
+        If they are other key-points.
+    """
+    if not isinstance(names, list) or not names:
+        return None
+    compared = [same_name(str(name)) for name in names]
+    if compared == list(KEYPOINTS) or compared == [str(k + 1) for k in range(len(KEYPOINTS))]:
+        return None
+    if sorted(compared) != sorted(KEYPOINTS):
+        raise FileFormatError(f"{where} has the key-points {names}; they must be {', '.join(KEYPOINTS)}")
+    return [compared.index(name) for name in KEYPOINTS]
 
 
 def _depths(given: Any, where: str, order: Order | None) -> NDArray[np.float64]:

@@ -8,14 +8,20 @@ from pathlib import Path
 
 from punnet.data.class_names import ClassMap
 from punnet.data.coco import read_coco
+from punnet.data.cvat import read_cvat
 from punnet.data.dataset import Dataset
+from punnet.data.labelme import is_labelme, read_labelme
+from punnet.data.picking_points import is_picking_points, read_picking_points
 from punnet.data.psd import read_psd
 from punnet.data.reading import read_json, read_text
 from punnet.data.strawdi import read_strawdi
+from punnet.data.via import is_via, read_via
+from punnet.data.yolo import find_labels, read_yolo
 from punnet.errors import ConfigurationError, FileFormatError
 
 __all__ = ["FORMATS", "Format", "guess_format", "read_dataset"]
 
+EXPORTS = ("instances_*.json", "person_keypoints_*.json")
 COCO_FILES = ("annotations.json", "coco.json", "_annotations.coco.json", "detections.json")
 
 
@@ -115,6 +121,25 @@ def _is_psd(path: Path) -> bool:
     return (path / "coco.json").is_file() and '"hardness"' in read_text(path / "coco.json")
 
 
+def _is_cvat(path: Path) -> bool:
+    places = [path, path / "annotations"]
+    return all(any(p for place in places for p in place.glob(kind)) for kind in EXPORTS)
+
+
+def _via_file(path: Path) -> Path | None:
+    """The file itself, or the only one of VIA in a folder."""
+    files = [path] if path.is_file() else sorted([*path.glob("*.csv"), *path.glob("*.json")])
+    via = [file for file in files if is_via(file)]
+    return via[0] if len(via) == 1 else None
+
+
+def _read_via(path: Path, class_map: ClassMap | None) -> Dataset:
+    file = path if path.is_file() else _via_file(path)
+    if file is None:
+        raise FileFormatError(f"{path}: not exactly one file of VIA here; give the file itself")
+    return read_via(file, class_map=class_map)
+
+
 FORMATS: dict[str, Format] = {
     known.name: known
     for known in (
@@ -125,6 +150,31 @@ FORMATS: dict[str, Format] = {
             lambda path: (path / "label").is_dir() and (path / "img").is_dir(),
         ),
         Format("psd", "folder with img/ and coco.json", lambda path, _: read_psd(path), _is_psd),
+        Format(
+            "cvat",
+            "folder with instances_*.json and person_keypoints_*.json",
+            lambda path, class_map: read_cvat(path, class_map=class_map),
+            _is_cvat,
+        ),
         Format("coco", "JSON file, or a folder with annotations.json", _read_coco, _is_coco),
+        Format(
+            "yolo",
+            "data.yaml, or a folder with images/ and labels/",
+            lambda path, class_map: read_yolo(path, class_map=class_map),
+            find_labels,
+        ),
+        Format("via", "CSV or JSON of VGG Image Annotator", _read_via, lambda p: _via_file(p) is not None),
+        Format(
+            "labelme",
+            "JSON of LabelMe, or a folder of them",
+            lambda path, class_map: read_labelme(path, class_map=class_map),
+            is_labelme,
+        ),
+        Format(
+            "picking-points",
+            "JSON a photograph with bbox_mode and keypoints, or a folder of them",
+            lambda path, class_map: read_picking_points(path, class_map=class_map),
+            is_picking_points,
+        ),
     )
 }
