@@ -31,7 +31,7 @@ FLIPPED = [0, 1, 2, 4, 3]
 
 
 def write_yolo(
-    parts: Dataset | Mapping[str, Dataset], folder: str | Path, *, task: YoloTask, force: bool = False
+    parts: Dataset | Mapping[str, Dataset], folder: str | Path, task: YoloTask, *, force: bool = False
 ) -> list[str]:
     """Write ``data.yaml``, ``images/<part>/`` (copies) and ``labels/<part>/``.
 
