@@ -49,7 +49,10 @@ def test_folder_gives_overlays_json_and_coco(punnet, photos: Path, tmp_path: Pat
     berries = Strawberries.from_json(json.loads((out / "berries" / "berry.json").read_text()))
     assert berries.pluckable.sum() == 1
     coco = json.loads((out / "detections.json").read_text())
-    assert [image["file_name"] for image in coco["images"]] == ["bare.png", "berry.png"]
+    assert [(out / image["file_name"]).resolve() for image in coco["images"]] == [
+        photos / "bare.png",
+        photos / "berry.png",
+    ]
     assert len(coco["annotations"]) == sum(item["berries"] for item in summary["photos"])
 
 
