@@ -13,7 +13,7 @@ __all__ = ["COLOUR", "PHOTOGRAPH_DETECTOR", "SIMULATION_DETECTOR", "load_detecto
 
 COLOUR = "colour"
 
-SIMULATION_DETECTOR = COLOUR
+SIMULATION_DETECTOR = "sim-fast"
 """What the simulator's harvests use unless told otherwise."""
 
 PHOTOGRAPH_DETECTOR = COLOUR
