@@ -110,7 +110,7 @@ def _was_tried(point: NDArray[np.float64], tried: list[NDArray[np.float64]]) -> 
 def _why_left(berries: Strawberries, row: int) -> str:
     if berries.classes[row] != PLUCKABLE:
         ripeness = berries.ripeness[row]
-        return "not ripe" if math.isnan(ripeness) else f"not ripe (ripeness {ripeness:.1f})"
+        return "not pluckable" if math.isnan(ripeness) else f"not pluckable (ripeness {ripeness:.1f})"
     if np.isnan(berries.picking_points[row]).any():
         return "its place is not known: too few depth readings on it"
     return "the run ended before its turn"
