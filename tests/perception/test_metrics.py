@@ -240,7 +240,7 @@ def mean_of_known(values: np.ndarray) -> float:
 STANDARD = tuple(round(0.5 + 0.05 * step, 2) for step in range(10))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(scenes())
 def test_equals_pycocotools(images: list[tuple[Truth, Strawberries]]) -> None:
     scores = evaluate_detections([t for t, _ in images], [p for _, p in images])
