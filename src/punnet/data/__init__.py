@@ -10,6 +10,7 @@ from punnet.data.overlap import merge_by_overlap
 from punnet.data.picking_points import read_picking_points
 from punnet.data.psd import read_psd
 from punnet.data.strawdi import read_strawdi
+from punnet.data.supervision_bridge import from_supervision, to_supervision
 from punnet.data.via import read_via
 from punnet.data.yolo import read_yolo
 from punnet.data.yolo_writer import write_yolo
@@ -22,6 +23,7 @@ __all__ = [
     "LabelPixels",
     "Segmentation",
     "annotate_image",
+    "from_supervision",
     "merge_by_overlap",
     "read_coco",
     "read_cvat",
@@ -33,6 +35,7 @@ __all__ = [
     "read_via",
     "read_yolo",
     "to_annotations",
+    "to_supervision",
     "write_coco",
     "write_yolo",
 ]
