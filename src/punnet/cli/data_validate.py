@@ -89,6 +89,7 @@ def _write(raw: RawCoco, out: Path) -> None:
     import copy
 
     from punnet.data.fixing import rebase
+    from punnet.errors import OutputExistsError
     from punnet.outputs import write_text
 
     # Inside a folder where photographs lie in a folder of their own, names stay as they are.
@@ -97,6 +98,8 @@ def _write(raw: RawCoco, out: Path) -> None:
         data = rebase(
             copy.deepcopy(data), raw.path.resolve().parent, raw.image_folder.resolve(), out.resolve().parent
         )
+    if out.exists():
+        raise OutputExistsError(f"{out}: exists; a repaired file replaces none: give --out another name")
     write_text(out, json.dumps(data) + "\n")
 
 

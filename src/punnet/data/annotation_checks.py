@@ -21,6 +21,7 @@ from punnet.data.raw_values import (
     Surroundings,
     corners_of,
     is_number,
+    is_whole,
     lacks_number,
     numbers_of,
 )
@@ -36,7 +37,7 @@ FEW_PIXELS = 12.0
 FARTHEST = 1e5
 LARGEST_CANVAS = 50_000_000
 HEAVIEST = 1000.0
-SHARES = ("ripeness", "occlusion")
+SHARES = ("ripeness", "occlusion", "score")
 
 
 def check_annotation(annotation: dict[str, Any], around: Surroundings) -> Iterator[Finding]:
@@ -52,7 +53,7 @@ def check_annotation(annotation: dict[str, Any], around: Surroundings) -> Iterat
 
 def _class(annotation: dict[str, Any], around: Surroundings) -> Iterator[Finding]:
     category = annotation.get("category_id")
-    if not isinstance(category, int):
+    if not is_whole(category):
         yield "annotation-field", f"category_id is {category!r}; the number of a category is needed"
     elif category not in around.categories:
         known = ", ".join(map(str, sorted(around.categories, key=str))) or "none"
@@ -63,15 +64,18 @@ def _class(annotation: dict[str, Any], around: Surroundings) -> Iterator[Finding
 
 
 def _ranges(annotation: dict[str, Any], around: Surroundings) -> Iterator[Finding]:
-    if not around.own_dialect:
-        return
     for name in SHARES:
+        if around.graded and name == "ripeness":
+            continue
         value = annotation.get(name)
         if value is not None and not lacks_number(value) and not (is_number(value) and 0 <= value <= 1):
             yield "out-of-range", f"{name} is {value!r:.40}; it must be a number from 0 to 1"
     weight = annotation.get("weight_g")
     if weight is not None and not lacks_number(weight) and not (is_number(weight) and 0 < weight < HEAVIEST):
         yield "out-of-range", f"weight_g is {weight!r:.40}; grams of one berry are needed, 0 to {HEAVIEST:g}"
+    crowd = annotation.get("iscrowd")
+    if crowd not in (None, 0, 1):
+        yield "annotation-field", f"iscrowd is {crowd!r:.40}; it must be 0 or 1"
     stage = annotation.get("stage")
     if stage is not None and stage not in STAGES:
         yield "out-of-range", f"stage is {stage!r:.40}; known: {', '.join(STAGES)}"

@@ -20,6 +20,7 @@ class Severity(StrEnum):
 
 FAULTS: dict[str, Severity] = {
     # of the file
+    "category-field": Severity.ERROR,
     "foreign-class": Severity.WARNING,
     # of images
     "image-field": Severity.ERROR,

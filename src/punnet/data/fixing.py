@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from punnet.data.annotation_checks import check_annotation
 from punnet.data.keypoint_checks import COCO_CODES
 from punnet.data.raw_coco import RawCoco, category_names
-from punnet.data.raw_values import EDGE_TOLERANCE, Surroundings, corners_of, numbers_of
+from punnet.data.raw_values import EDGE_TOLERANCE, Surroundings, corners_of, is_whole, numbers_of
 from punnet.data.segmentation import encode_segmentation
 from punnet.errors import PunnetError
 from punnet.scene import KEYPOINTS
@@ -66,7 +66,7 @@ def fix_coco(raw: RawCoco) -> tuple[dict[str, Any], list[Change]]:
     for annotation in annotations:
         identity = annotation.get("image_id")
         image = images.get(identity) if isinstance(identity, int | str) else None
-        around = Surroundings.of(image, categories, own_dialect=False)
+        around = Surroundings.of(image, categories, graded=raw.is_graded)
         for code, mend in _MENDERS:
             # Each on what the one before has left; what has no such fault is not even formatted anew.
             if code in {found for found, _ in check_annotation(annotation, around)}:
@@ -100,21 +100,17 @@ def rebase(data: dict[str, Any], old: Path, images: Path, new: Path) -> dict[str
 
 
 def _renumber(annotations: list[dict[str, Any]], changes: list[Change]) -> None:
-    numbers = [a["id"] for a in annotations if _is_whole(a.get("id"))]
+    numbers = [a["id"] for a in annotations if is_whole(a.get("id"))]
     free, seen = max(numbers, default=0) + 1, set()
     for annotation in annotations:
         identity = annotation.get("id")
-        if not _is_whole(identity):
+        if not is_whole(identity):
             continue
         if identity in seen:
             annotation["id"] = free
             changes.append(Change("duplicate-annotation-id", free, f"its id was {identity!r}, given before"))
             free += 1
         seen.add(annotation["id"])
-
-
-def _is_whole(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
 
 
 def _drop_short_polygons(annotation: dict[str, Any], around: Surroundings) -> str | None:
@@ -200,7 +196,7 @@ def _derive_codes(annotation: dict[str, Any], around: Surroundings) -> str | Non
     table = numbers_of(keypoints, 3 * len(KEYPOINTS))
     if table is None or not isinstance(detail, list) or len(detail) != len(KEYPOINTS):
         return None
-    if not all(_is_whole(code) and code in COCO_CODES for code in detail):
+    if not all(is_whole(code) and code in COCO_CODES for code in detail):
         return None
     given = table.reshape(-1, 3)[:, 2]
     if any((code > 0) != (v > 0) for code, v in zip(detail, given, strict=True)):

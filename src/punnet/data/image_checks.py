@@ -10,12 +10,15 @@ from typing import Any
 
 from punnet.data.faults import Fault
 from punnet.data.raw_coco import RawCoco
+from punnet.data.raw_values import is_whole
 from punnet.data.reading import beside, image_size
-from punnet.errors import FileFormatError
+from punnet.errors import FileFormatError, PunnetError
+from punnet.geometry import CameraIntrinsics
 
 __all__ = ["Progress", "check_image_entries", "check_photographs", "name_of"]
 
 DECODERS = 2
+LONGEST_SIDE = 16_384
 Progress = Callable[[int, int], None]
 
 
@@ -34,8 +37,12 @@ def check_image_entries(raw: RawCoco) -> Iterator[Fault]:
             "file_name": name_of(image),
             "position": position,
         }
-        if missing := [name for name, is_good in _IMAGE_FIELDS.items() if not is_good(image.get(name))]:
-            message = f"{', '.join(missing)} missing or unusable; each image needs {', '.join(_IMAGE_FIELDS)}"
+        if missing := [
+            name for name, is_good in _IMAGE_FIELDS.items() if not is_good(image.get(name.partition(" ")[0]))
+        ]:
+            message = (
+                f"{', '.join(missing)} missing or unusable; each image needs id, file_name, width and height"
+            )
             yield Fault("image-field", message, **where)
         identity = image.get("id")
         if isinstance(identity, int | str):
@@ -49,15 +56,31 @@ def check_image_entries(raw: RawCoco) -> Iterator[Fault]:
                 yield Fault("duplicate-file-name", "is listed more than once; merge the entries", **where)
 
 
+def _is_name(value: Any) -> bool:
+    return isinstance(value, str) and bool(value) and "\0" not in value
+
+
 def _is_extent(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and value > 0
+    return is_whole(value) and 0 < value <= LONGEST_SIDE
+
+
+def _is_camera(value: Any) -> bool:
+    if value is None:
+        return True
+    try:
+        CameraIntrinsics.from_json(value, where="camera")
+    except (PunnetError, TypeError, AttributeError, OverflowError):
+        return False
+    return True
 
 
 _IMAGE_FIELDS: dict[str, Callable[[Any], bool]] = {
-    "id": lambda value: isinstance(value, int) and not isinstance(value, bool),
-    "file_name": lambda value: isinstance(value, str) and bool(value) and "\0" not in value,
+    "id": is_whole,
+    "file_name": _is_name,
     "width": _is_extent,
     "height": _is_extent,
+    "depth_path (if any)": lambda value: value is None or _is_name(value),
+    "camera (if any)": _is_camera,
 }
 
 
@@ -100,12 +123,7 @@ def _photograph(image: dict[str, Any], raw: RawCoco) -> list[tuple[str, str]]:
                 )
                 findings.append(("size-mismatch", message))
     depth = image.get("depth_path")
-    if (
-        isinstance(depth, str)
-        and depth
-        and "\0" not in depth
-        and not _is_file(beside(raw.path.parent, depth, str(raw.path)))
-    ):
+    if _is_name(depth) and not _is_file(beside(raw.path.parent, depth, str(raw.path))):
         findings.append(("missing-depth", f"depth_path {depth} is not there; copy it there, or leave it out"))
     return findings
 
@@ -120,4 +138,4 @@ def _is_file(path: Path) -> bool:
 def name_of(image: dict[str, Any]) -> str | None:
     """File name of an image's entry, None if it has no usable one."""
     name = image.get("file_name")
-    return name if isinstance(name, str) and name and "\0" not in name else None
+    return name if _is_name(name) else None

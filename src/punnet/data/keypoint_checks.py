@@ -19,6 +19,12 @@ COCO_CODES = {0: 0, 1: 1, 2: 2, 3: 1}
 
 def check_keypoints(annotation: dict[str, Any], around: Surroundings) -> Iterator[Finding]:
     """Yield (code, message) of each fault of an annotation's key-points."""
+    depths = annotation.get("keypoint_depths_m")
+    if depths is not None and not _are_depths(depths):
+        yield (
+            "keypoint-count",
+            f"keypoint_depths_m is {depths!r:.40}; {len(KEYPOINTS)} numbers or nulls are needed",
+        )
     if "keypoints" not in annotation or annotation["keypoints"] in ([], None):
         if annotation.get("visibility_detail"):
             yield "visibility-contradiction", "visibility_detail without keypoints; give both or neither"
@@ -90,6 +96,13 @@ def _visibility(annotation: dict[str, Any], table: NDArray[np.float64]) -> Itera
             "visibility-contradiction",
             f"{KEYPOINTS[k]} has v {table[k, 2]:g} but visibility_detail {detail[k]}; make them agree",
         )
+
+
+def _are_depths(depths: Any) -> bool:
+    """Whether it is five numbers or nulls; NaN and infinity are told elsewhere."""
+    if not isinstance(depths, list) or len(depths) != len(KEYPOINTS):
+        return False
+    return all(depth is None or is_number(depth) or lacks_number(depth) for depth in depths)
 
 
 def _names(chosen: NDArray[np.bool_]) -> str:

@@ -41,6 +41,12 @@ class RawCoco:
         return list(self.data["images"])
 
     @property
+    def is_graded(self) -> bool:
+        """Whether ``ripeness`` is a grade 0 … 4 that tells the class, as in PSD."""
+        entries = self.annotations
+        return bool(entries) and all(isinstance(entry, dict) and "hardness" in entry for entry in entries)
+
+    @property
     def annotations(self) -> list[Any]:
         """The file's ``annotations``, whatever they are."""
         return list(self.data["annotations"])

@@ -15,6 +15,7 @@ __all__ = [
     "Surroundings",
     "corners_of",
     "is_number",
+    "is_whole",
     "lacks_number",
     "numbers_of",
 ]
@@ -39,26 +40,24 @@ class Surroundings:
         Of the image in pixels, None if the file does not say.
     categories
         Ids that the file lists.
-    own_dialect
-        True if the classes are Punnet's, so that ``ripeness`` and the like mean what Punnet means by them.
+    graded
+        True if ``ripeness`` is a grade 0 … 4, as PSD has it, and not a share.
     """
 
     width: float | None
     height: float | None
     categories: frozenset[Any]
-    own_dialect: bool
+    graded: bool
 
     @classmethod
-    def of(
-        cls, image: dict[str, Any] | None, categories: frozenset[Any], *, own_dialect: bool
-    ) -> Surroundings:
+    def of(cls, image: dict[str, Any] | None, categories: frozenset[Any], *, graded: bool) -> Surroundings:
         """Read the size from an image's entry; None if the image is not listed."""
         width, height = (None if image is None else image.get(name) for name in ("width", "height"))
         return cls(
             float(width) if width is not None and is_number(width) else None,
             float(height) if height is not None and is_number(height) else None,
             categories,
-            own_dialect,
+            graded,
         )
 
 
@@ -67,6 +66,11 @@ def is_number(value: Any) -> bool:
     if not isinstance(value, int | float) or isinstance(value, bool):
         return False
     return abs(value) <= LARGEST
+
+
+def is_whole(value: Any) -> bool:
+    """Tell whether a JSON value is a whole number of 64 bits."""
+    return isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**63
 
 
 def numbers_of(value: Any, length: int) -> NDArray[np.float64] | None:

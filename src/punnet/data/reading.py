@@ -117,7 +117,9 @@ def integer(value: Any, where: str) -> int:
         if found != exact:
             raise FileFormatError(f"{where}: a whole number is needed, got {value!r:.80}")
     if abs(found) >= 2**63:
-        raise FileFormatError(f"{where}: {found:.3e} is too large")
+        raise FileFormatError(
+            f"{where}: a whole number of {found.bit_length()} bits is too large; 63 are possible"
+        )
     return found
 
 

@@ -8,15 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from punnet.data.annotation_checks import check_annotation
-from punnet.data.class_names import ClassMap, classify
+from punnet.data.class_names import ClassMap, classify, same_name
 from punnet.data.faults import Fault, FaultReport
 from punnet.data.image_checks import Progress, check_image_entries, check_photographs, name_of
 from punnet.data.raw_coco import RawCoco, category_names, open_raw_coco
-from punnet.data.raw_values import Surroundings
+from punnet.data.raw_values import Surroundings, is_whole
 from punnet.errors import FileFormatError
-from punnet.scene import CLASSES
+from punnet.scene import KEYPOINTS
 
 __all__ = ["validate_coco", "validate_entries"]
+
+NUMBERED = [str(k + 1) for k in range(len(KEYPOINTS))]
 
 
 def validate_coco(
@@ -57,8 +59,8 @@ def validate_entries(raw: RawCoco, class_map: ClassMap | None = None) -> FaultRe
 
 
 def _categories(raw: RawCoco, class_map: ClassMap | None) -> Iterator[Fault]:
-    # A file whose annotations tell pluckable from unpluckable by a grade of ripeness has one class for all (PSD).
-    if raw.annotations and all(isinstance(a, dict) and "hardness" in a for a in raw.annotations):
+    yield from _category_entries(raw)
+    if raw.is_graded:  # one class for all
         return
     for number, name in category_names(raw.data).items():
         try:
@@ -73,6 +75,22 @@ def _categories(raw: RawCoco, class_map: ClassMap | None) -> Iterator[Fault]:
                 yield Fault("foreign-class", message, raw.path)
 
 
+def _category_entries(raw: RawCoco) -> Iterator[Fault]:
+    listed = raw.data.get("categories") or []
+    for entry in listed if isinstance(listed, list) else [listed]:
+        if not isinstance(entry, dict) or not is_whole(entry.get("id")):
+            message = f"category {entry!r:.60} has no id; each needs a whole number as id, and a name"
+            yield Fault("category-field", message, raw.path)
+            continue
+        points = entry.get("keypoints")
+        names = [same_name(str(name)) for name in points] if isinstance(points, list) else []
+        if names and names != NUMBERED and sorted(names) != sorted(KEYPOINTS):
+            message = (
+                f"category {entry['id']} has the key-points {points!r:.80}; needed are {', '.join(KEYPOINTS)}"
+            )
+            yield Fault("category-field", message, raw.path)
+
+
 def _annotations(raw: RawCoco) -> Iterator[Fault]:
     images = {
         image["id"]: image
@@ -80,7 +98,6 @@ def _annotations(raw: RawCoco) -> Iterator[Fault]:
         if isinstance(image, dict) and isinstance(image.get("id"), int | str)
     }
     names = category_names(raw.data)
-    own_dialect = set(names.values()) <= set(CLASSES)
     seen: set[Any] = set()
     for position, annotation in enumerate(raw.annotations):
         if not isinstance(annotation, dict):
@@ -99,7 +116,7 @@ def _annotations(raw: RawCoco) -> Iterator[Fault]:
             "annotation_id": identity if identity is not None else f"number {position + 1}",
             "position": position,
         }
-        if not isinstance(identity, int) or isinstance(identity, bool):
+        if not is_whole(identity):
             yield Fault("annotation-field", f"id is {identity!r:.40}; a whole number is needed", **where)
         elif identity in seen:
             yield Fault(
@@ -112,6 +129,6 @@ def _annotations(raw: RawCoco) -> Iterator[Fault]:
                 f"image_id {image_id!r:.40} is not among the images; add the image, or remove the annotation"
             )
             yield Fault("unlisted-image", message, **where)
-        around = Surroundings.of(image, frozenset(names), own_dialect=own_dialect)
+        around = Surroundings.of(image, frozenset(names), graded=raw.is_graded)
         for code, message in check_annotation(annotation, around):
             yield Fault(code, message, **where)
