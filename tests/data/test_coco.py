@@ -321,7 +321,7 @@ def test_missing_file_is_told(tmp_path: Path) -> None:
     [
         ({"bbox": [1, 2, 3]}, "bbox"),
         ({"bbox": [1, 2, -3, 4]}, "box"),
-        ({"bbox": ..., "segmentation": ...}, "neither bbox nor segmentation"),
+        ({"bbox": ..., "segmentation": ..., "keypoints": ..., "visibility_detail": ...}, "no bbox"),
         ({"category_id": 3}, "category_id 3"),
         ({"category_id": ...}, "category_id"),
         ({"segmentation": [[1, 2, 3, 4]]}, "polygon"),

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from punnet.data.dataset import AnnotatedImage, Annotation, Dataset
 from punnet.errors import FileFormatError
@@ -20,6 +19,8 @@ __all__ = ["merge_by_overlap"]
 PICKING_POINT = KEYPOINTS.index("picking_point")
 # A key-point that lies this far outside of the outline, in √area of the berry, says nothing for it any more.
 REACH = 0.5
+# The picking point, alone, is looked for this far: on StrawDI it lies up to two of them above the outline.
+PICKING_REACH = 4.0
 LEAST_OVERLAP = 0.5
 SHOWN = 5
 
@@ -107,41 +108,56 @@ def _with_keypoints(annotation: Annotation, source: Annotation | None) -> Annota
 
 def _assign(image: AnnotatedImage, other: AnnotatedImage) -> Iterator[tuple[int, Annotation]]:
     """Position of a berry and the annotation that has its key-points."""
+    # Loads slowly, hence here.
+    from scipy.optimize import linear_sum_assignment
+
     sources = [annotation for annotation in other.annotations if _has_points(annotation)]
     if not sources or not image.annotations:
         return
     points = [_telling_points(annotation) for annotation in sources]
-    overlap = np.array([[_overlap(distances, p) for p in points] for distances in _distances(image)])
+    overlap = np.array([[outline.overlap(*told) for told in points] for outline in _outlines(image)])
     for berry, source in zip(*linear_sum_assignment(overlap, maximize=True), strict=True):
         if overlap[berry, source] >= LEAST_OVERLAP:
             yield int(berry), sources[source]
 
 
-def _telling_points(annotation: Annotation) -> NDArray[np.float64]:
+def _telling_points(annotation: Annotation) -> tuple[NDArray[np.float64], float]:
+    """Points to compare, and how far outside of an outline they may lie."""
     assert annotation.keypoints is not None
     known = np.isfinite(annotation.keypoints).all(axis=1)
     on_fruit = known & (np.arange(len(KEYPOINTS)) != PICKING_POINT)
-    return np.asarray(annotation.keypoints[on_fruit if on_fruit.any() else known])
+    if on_fruit.any():
+        return np.asarray(annotation.keypoints[on_fruit]), REACH
+    return np.asarray(annotation.keypoints[known]), PICKING_REACH
 
 
-def _distances(image: AnnotatedImage) -> Iterator[NDArray[np.float32]]:
-    """(H, W) distance from each berry, in √area of it; a berry without a mask is its box."""
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """A berry's mask (H, W) and the pixels (n, 2) along its edge."""
+
+    mask: NDArray[np.bool_]
+    edge: NDArray[np.float64]
+
+    def overlap(self, points: NDArray[np.float64], reach: float) -> float:
+        """0 … 1: how much of the points lies on the berry; one ``reach`` × √area away counts nothing."""
+        if not len(self.edge):
+            return 0.0
+        height, width = self.mask.shape
+        columns = np.clip(np.rint(points[:, 0]), 0, width - 1).astype(int)
+        rows = np.clip(np.rint(points[:, 1]), 0, height - 1).astype(int)
+        distances = np.linalg.norm(points[:, None] - self.edge[None], axis=2).min(axis=1)
+        outside = np.where(self.mask[rows, columns], 0.0, distances / np.sqrt(self.mask.sum()))
+        return float(np.clip(1.0 - outside / reach, 0.0, 1.0).mean())
+
+
+def _outlines(image: AnnotatedImage) -> Iterator[Outline]:
+    """Outline of each berry; one without a mask is its box."""
     for annotation, mask in zip(image.annotations, image.masks(image.annotations), strict=True):
         inside = mask
         if inside is None or not inside.any():
             inside = np.zeros(image.size, dtype=np.bool_)
-            left, top, right, bottom = np.rint(annotation.box).astype(int)
-            inside[max(top, 0) : max(bottom, 1), max(left, 0) : max(right, 1)] = True
-        if not inside.any():
-            yield np.full(image.size, np.inf, dtype=np.float32)
-            continue
-        outside = cv2.distanceTransform((~inside).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-        yield np.asarray(outside / np.sqrt(inside.sum()), dtype=np.float32)
-
-
-def _overlap(distances: NDArray[np.float32], points: NDArray[np.float64]) -> float:
-    """0 … 1: how much of the points lies on the berry; one at the reach's end counts nothing."""
-    height, width = distances.shape
-    columns = np.clip(np.rint(points[:, 0]), 0, width - 1).astype(int)
-    rows = np.clip(np.rint(points[:, 1]), 0, height - 1).astype(int)
-    return float(np.clip(1.0 - distances[rows, columns] / REACH, 0.0, 1.0).mean())
+            left, top, right, bottom = np.rint(np.clip(annotation.box, 0, max(image.size))).astype(int)
+            inside[top : max(bottom, top + 1), left : max(right, left + 1)] = True
+        found, _ = cv2.findContours(inside.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        edges = [contour.reshape(-1, 2) for contour in found]
+        yield Outline(inside, np.concatenate(edges).astype(np.float64) if edges else np.zeros((0, 2)))

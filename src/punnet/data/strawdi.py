@@ -56,7 +56,7 @@ def read_strawdi(folder: str | Path, *, class_map: ClassMap | None = None) -> Da
     def read_entry(entry: dict[str, Any], identity: int, size: tuple[int, int], where: str) -> Annotation:
         ripe = integer(entry.get("category_id"), f"{where}: category_id") == RIPE_CATEGORY
         value = integer(entry.get("label_index"), f"{where}: label_index")
-        known = entry.get("ripeness3")
+        known = str(entry.get("ripeness3"))
         stage = {} if known not in STAGE else {"stage": STAGE[known], "ripeness": RIPENESS[known]}
         annotation = entry_to_annotation(
             {**entry, **stage}, identity, PLUCKABLE if ripe else UNPLUCKABLE, size, where

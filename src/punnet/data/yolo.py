@@ -29,6 +29,8 @@ __all__ = ["find_labels", "read_yolo"]
 
 PARTS = ("train", "val", "test")
 YAML_NAMES = ("data.yaml", "dataset.yaml", "data.yml")
+# A thousand class names take a third of it; what is longer is something else, and may take minutes to parse.
+LONGEST_YAML = 2**16
 BOX = 5
 PLAIN_POSE = BOX + 3 * len(KEYPOINTS)
 Shape = tuple[int, int]
@@ -118,8 +120,13 @@ def _folders(images: Path) -> list[tuple[str, Path]]:
 def _read_yaml(file: Path) -> dict[str, Any]:
     import yaml  # type: ignore[import-untyped]
 
+    text = read_text(file)
+    if len(text) > LONGEST_YAML:
+        raise FileFormatError(
+            f"{file}: too long for YOLO's description of a data set ({len(text)} characters)"
+        )
     try:
-        data = yaml.safe_load(read_text(file))
+        data = yaml.safe_load(text)
     # Deep nesting, impossible dates and numbers come through as they are.
     except (yaml.YAMLError, ValueError, TypeError, RecursionError, AttributeError, KeyError) as error:
         raise FileFormatError(f"{file}: not readable as YAML ({error})") from error
