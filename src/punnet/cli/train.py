@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import json
+import os
+import re
 import sys
+from collections.abc import Callable
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from punnet.cli.console import say
-from punnet.cli.options import Force
+from punnet.cli.console import print_json, say, whisper
+from punnet.cli.options import Force, Json
 from punnet.errors import ConfigurationError, FileFormatError
 
 if TYPE_CHECKING:
     from punnet.train.detector.config import Source
 
-__all__ = ["register"]
+__all__ = ["read_source", "register"]
 
 DATA_HELP = (
     "A labelled set: a file or folder that punnet data can read, then if wanted: weight=2 (drawn twice as often), "
@@ -56,11 +60,12 @@ def detector(
     threads: Annotated[
         int | None, typer.Option("--threads", min=1, help="Of each process; all cores if not given.")
     ] = None,
+    as_json: Json = False,
 ) -> None:
     """Train a detector: masks, five key-points with visibility, ripeness. Runs that were stopped go on."""
     need_pytorch()
     from punnet.train.detector.presets import read_config
-    from punnet.train.detector.training import TrainingRun, train_detector
+    from punnet.train.detector.training import TrainingRun, last_scores, train_detector
 
     network, training = read_config(config, {"steps": steps, "seed": seed})
     last = train_detector(
@@ -74,25 +79,36 @@ def detector(
             processes=processes,
             threads=threads,
         ),
+        whisper,
     )
-    say(f"trained: {last}; make a model of it with: punnet train bundle {out} --out MODEL")
+    if int(os.environ.get("LOCAL_RANK", "0")):
+        return  # only the first of several processes tells
+    if as_json:
+        print_json({"run": str(out), "checkpoint": str(last), "validation": last_scores(out)})
+    else:
+        say(f"trained: {last}; make a model of it with: punnet train bundle {out} --out MODEL")
 
 
 def bundle(
     run: Annotated[Path, typer.Argument(help="Folder of a training run.", show_default=False)],
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the bundle.", show_default=False)],
-    name: Annotated[str | None, typer.Option("--name", help="The model's name; the folder's if not given.")] = None,
+    name: Annotated[
+        str | None, typer.Option("--name", help="The model's name; the folder's if not given.")
+    ] = None,
     licence: Annotated[
         str, typer.Option("--licence", help="Of the model, as its data allows.")
     ] = "not stated",
-    restriction: Annotated[str, typer.Option("--restriction", help="What the licence forbids, in words.")] = "",
+    restriction: Annotated[
+        str, typer.Option("--restriction", help="What the licence forbids, in words.")
+    ] = "",
     citation: Annotated[str, typer.Option("--citation", help="What is to be cited.")] = "",
     results: Annotated[
         list[str] | None,
         typer.Option("--results", help="NAME=FILE.json of punnet evaluate detector; may be repeated."),
     ] = None,
     command: Annotated[
-        str | None, typer.Option("--command", help="How it was trained, for the manifest; the run's own if not given.")
+        str | None,
+        typer.Option("--command", help="How it was trained, for the manifest; the run's own if not given."),
     ] = None,
     force: Force = False,
 ) -> None:
@@ -120,23 +136,20 @@ def read_source(text: str) -> Source:
     ------
     ConfigurationError
         If an option is unknown or has an impossible value.
+    FileFormatError
+        If the file of a split can't be read.
     """
     from punnet.train.detector.config import Source
 
-    path, *options = text.split(",")
+    path, *options = re.split(r",(?=\w+=)", text)  # a path may hold commas of its own
     values: dict[str, Any] = {}
     for option in options:
         key, _, value = option.partition("=")
         try:
-            if key == "weight":
-                values["weight"] = float(value)
-            elif key == "scale":
-                low, high = (float(v) for v in value.split("-"))
-                values["scale"] = (low, high)
-            elif key == "split":
-                values["images"] = _listed(value)
-            else:
+            if key not in SOURCE_OPTIONS:
                 raise ValueError(f"no option '{key}'")
+            name, read = SOURCE_OPTIONS[key]
+            values[name] = read(value)
         except ValueError as error:
             raise ConfigurationError(
                 f"--data {text}: {option}: {error}; give weight=2, scale=0.5-1.2 or split=LIST.json:train"
@@ -144,19 +157,33 @@ def read_source(text: str) -> Source:
     return Source(Path(path), **values)
 
 
-def _listed(text: str) -> tuple[str, ...]:
-    """The image names of a part of a split: ``FILE:part``, or ``strawdi:part`` for the one that comes with Punnet."""
-    file, _, part = text.rpartition(":")
-    if file == "strawdi":
-        from punnet.data.splits.strawdi import strawdi_split
+def _range(text: str) -> tuple[float, float]:
+    """Two numbers from ``a-b``."""
+    least, separator, most = text.partition("-")
+    if not separator:
+        raise ValueError("two numbers are needed")
+    return float(least), float(most)
 
-        if part not in ("train", "test"):
-            raise ValueError(f"no part '{part}' of strawdi; there are train and test")
-        return tuple(f"{number}.jpg" for number in strawdi_split()[part == "test"])
-    parts = _read_json(Path(file)).get("parts", {})
+
+def _listed(text: str) -> tuple[str | int, ...]:
+    """The images of a part of a split: ``FILE:part``, or ``strawdi:part`` for the one that comes with Punnet."""
+    from punnet.data.splits import read_split
+    from punnet.data.splits.part import FIXED_SPLIT
+
+    file, _, part = text.rpartition(":")
+    if not file:
+        raise ValueError("a part is needed behind a colon")
+    parts = read_split(str(files("punnet.data.splits").joinpath(FIXED_SPLIT)) if file == "strawdi" else file)
     if part not in parts:
-        raise ValueError(f"no part '{part}' in {file}; there are {', '.join(parts)}")
+        raise ValueError(f"no part '{part}'; there are {', '.join(parts)}")
     return tuple(parts[part])
+
+
+SOURCE_OPTIONS: dict[str, tuple[str, Callable[[str], Any]]] = {
+    "weight": ("weight", float),
+    "scale": ("scale", _range),
+    "split": ("images", _listed),
+}
 
 
 def _read_json(path: Path) -> dict[str, Any]:
@@ -186,7 +213,9 @@ def need_pytorch() -> None:
     """
     from importlib.util import find_spec
 
-    missing = [name for name in ("torch", "torchvision", "lightning", "timm", "onnx") if find_spec(name) is None]
+    missing = [
+        name for name in ("torch", "torchvision", "lightning", "timm", "onnx") if find_spec(name) is None
+    ]
     if missing:
         raise ConfigurationError(
             f"training needs {', '.join(missing)}: {sys.executable} -m pip install 'punnet[train]'"

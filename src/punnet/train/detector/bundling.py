@@ -40,15 +40,17 @@ def network_of_checkpoint(path: Path) -> BerryDetector:
     ConfigurationError
         If the file is not a checkpoint of a detector.
     """
+    if not path.is_file():
+        raise ConfigurationError(f"{path}: no such checkpoint; has the run come to its first validation?")
     try:
-        # Lightning's checkpoints hold its own classes; they are read only from the user's own training folder.
-        stored = torch.load(path, map_location="cpu", weights_only=False)
+        stored = torch.load(path, map_location="cpu", weights_only=True)
         config = config_from_json(DetectorConfig, stored["hyper_parameters"]["detector"])
-        weights = {k.removeprefix("network."): v for k, v in stored["state_dict"].items()}
-    except (OSError, KeyError, TypeError, RuntimeError, EOFError, ValueError) as error:
-        raise ConfigurationError(f"{path}: not a checkpoint of a detector ({error})") from error
-    network = BerryDetector(replace(config, pretrained=False))
-    network.load_state_dict(weights)
+        network = BerryDetector(replace(config, pretrained=False))
+        network.load_state_dict({k.removeprefix("network."): v for k, v in stored["state_dict"].items()})
+    except Exception as error:  # damaged files make torch.load raise almost anything
+        raise ConfigurationError(
+            f"{path}: not a checkpoint of a detector ({str(error).partition(chr(10))[0]})"
+        ) from error
     return network.eval()
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
@@ -11,6 +13,8 @@ from typing import Any, Literal, TypeVar, get_args
 from punnet.errors import ConfigurationError
 
 __all__ = [
+    "BACKBONES",
+    "SLIM",
     "Backbone",
     "DetectorConfig",
     "DetectorTraining",
@@ -27,6 +31,7 @@ Backbone = Literal[
     "efficientnet_lite0_fpn",
     "mobilenet_v3_large_fpn",
 ]
+Precision = Literal["32-true", "bf16-mixed"]
 Config = TypeVar("Config")
 BACKBONES: tuple[Backbone, ...] = get_args(Backbone)
 SLIM: tuple[Backbone, ...] = ("efficientnet_lite0_fpn", "mobilenet_v3_large_fpn")
@@ -89,9 +94,13 @@ class DetectorConfig:
             raise ConfigurationError(
                 f"detector: backbone must be one of {', '.join(BACKBONES)}, got {self.backbone!r}"
             )
+        _require_positive(self, "detector", but={"region_margin"})
         if self.region_size % 4:
+            raise ConfigurationError(f"detector: region_size must be a multiple of 4, got {self.region_size}")
+        if self.positive_share > 1 or self.region_margin < 0:
             raise ConfigurationError(
-                f"detector: region_size must be a multiple of 4, got {self.region_size}"
+                "detector: positive_share must be at most 1 and region_margin not negative, "
+                f"got {self.positive_share} and {self.region_margin}"
             )
 
     @classmethod
@@ -156,13 +165,23 @@ class Source:
     scale
         Least and most factor by which its images are resized before the crop is cut.
     images
-        File names to use; None for all.
+        File names, or ids, of the images to use; None for all.
     """
 
     path: Path
     weight: float = 1.0
     scale: tuple[float, float] = (0.7, 1.4)
-    images: tuple[str, ...] | None = None
+    images: tuple[str | int, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.weight) and self.weight > 0):
+            raise ConfigurationError(f"{self.path}: weight must be positive, got {self.weight}")
+        if len(self.scale) != 2 or not 0 < self.scale[0] <= self.scale[1] < math.inf:
+            raise ConfigurationError(
+                f"{self.path}: scale must be two factors with 0 < least ≤ most, got {self.scale}"
+            )
+        if self.images is not None and not self.images:
+            raise ConfigurationError(f"{self.path}: its list of images is empty")
 
 
 @dataclass(frozen=True)
@@ -199,17 +218,27 @@ class DetectorTraining:
     averaging: float = 0.998
     validate_every: int = 500
     patience: int = 0
-    precision: Literal["32-true", "bf16-mixed"] = "32-true"
+    precision: Precision = "32-true"
     seed: int = 0
     loss: LossWeights = field(default_factory=LossWeights)
 
     def __post_init__(self) -> None:
-        if self.crop[0] % 32 or self.crop[1] % 32 or min(self.crop) < 64:
+        _require_positive(
+            self,
+            "training",
+            but={"averaging", "weight_decay", "warm_up", "backbone_rate", "patience", "seed"},
+        )
+        sides = [side for side in self.crop if isinstance(side, int) and side % 32 == 0 and side >= 64]
+        if len(self.crop) != 2 or len(sides) != 2:
             raise ConfigurationError(
                 f"training: crop must be two multiples of 32 of at least 64, got {self.crop}"
             )
-        if min(self.steps, self.batch, self.validate_every) < 1:
-            raise ConfigurationError("training: steps, batch and validate_every must be at least 1")
+        if not 0 <= self.averaging < 1:
+            raise ConfigurationError(f"training: averaging must lie in [0, 1), got {self.averaging}")
+        if self.precision not in get_args(Precision):
+            raise ConfigurationError(
+                f"training: precision must be one of {', '.join(get_args(Precision))}, got {self.precision!r}"
+            )
 
 
 def config_to_json(config: Any) -> dict[str, Any]:
@@ -218,25 +247,51 @@ def config_to_json(config: Any) -> dict[str, Any]:
     return data
 
 
-def config_from_json(kind: type[Config], data: dict[str, Any]) -> Config:
+def config_from_json(kind: type[Config], data: Mapping[str, Any]) -> Config:
     """A config from plain JSON; fields that are not given keep their defaults.
 
     Raises
     ------
     ConfigurationError
-        If a field is unknown or has an impossible value.
+        If a field is unknown, of another type or has an impossible value.
     """
-    known = {f.name: f for f in dataclasses.fields(kind)}  # type: ignore[arg-type]
+    known = {item.name: item for item in dataclasses.fields(kind)}  # type: ignore[arg-type]
     if unknown := sorted(data.keys() - known.keys()):
         raise ConfigurationError(
             f"{kind.__name__}: no field {', '.join(unknown)}; there are {', '.join(known)}"
         )
-    values = {name: tuple(value) if isinstance(value, list) else value for name, value in data.items()}
-    if kind is DetectorTraining and isinstance(values.get("loss"), dict):
-        values["loss"] = config_from_json(LossWeights, values["loss"])
-    if kind is Source and "path" in values:
-        values["path"] = Path(values["path"])
+    values = {name: _read_field(kind.__name__, known[name], value) for name, value in data.items()}
     try:
         return kind(**values)
     except (TypeError, ValueError) as error:
         raise ConfigurationError(f"{kind.__name__}: {error}") from error
+
+
+def _read_field(kind: str, item: dataclasses.Field[Any], value: Any) -> Any:
+    """A field's value from JSON, held against the type of the field's default."""
+    if item.name == "path":
+        return Path(value)
+    if isinstance(value, Mapping) and item.default_factory is LossWeights:
+        return config_from_json(LossWeights, value)
+    read = tuple(value) if isinstance(value, list) else value
+    if item.default in (None, dataclasses.MISSING):
+        return read
+    wanted = type(item.default)
+    fits = isinstance(read, int | float) if wanted is float else isinstance(read, wanted)
+    if not fits or isinstance(read, bool) != (wanted is bool):
+        raise ConfigurationError(
+            f"{kind}: {item.name} must be like {json.dumps(item.default)}, got {json.dumps(value)}"
+        )
+    return read
+
+
+def _require_positive(config: Any, what: str, *, but: set[str]) -> None:
+    """Every number of a config is positive; those named may also be 0."""
+    for item in dataclasses.fields(config):
+        value = getattr(config, item.name)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            continue
+        least = 0 if item.name in but else math.ulp(0.0)
+        if not least <= value < math.inf:
+            rule = "at least 0" if item.name in but else "positive"
+            raise ConfigurationError(f"{what}: {item.name} must be {rule}, got {value}")

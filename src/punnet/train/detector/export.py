@@ -102,12 +102,11 @@ def export_onnx(network: BerryDetector, path: Path) -> BerryDetector:
 
 def rounded(network: BerryDetector) -> BerryDetector:
     """A copy for evaluation whose weights are those that half precision can hold."""
-    copied = copy.deepcopy(network).float().to(memory_format=torch.contiguous_format).eval()  # type: ignore[call-overload]
+    copied = copy.deepcopy(network).float().to(memory_format=torch.contiguous_format).eval()
     for parameter in copied.parameters():
         if _is_halved(parameter.shape):
             parameter.data = parameter.data.half().float()
-    result: BerryDetector = copied
-    return result
+    return copied
 
 
 def _is_halved(shape: Sequence[int]) -> bool:

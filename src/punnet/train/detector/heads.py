@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import torch
-import torch.nn.functional as F
+import torch.nn.functional as F  # noqa: N812
 from torch import Tensor, nn
 
 from punnet.scene import KEYPOINTS, Visibility
@@ -42,7 +42,8 @@ class MaskHead(nn.Module):
 
     def forward(self, regions: Tensor) -> Tensor:
         """Mask logits (N, 1, 2R, 2R)."""
-        return self.output(F.relu(self.upsampling(self.convolutions(regions))))
+        logits: Tensor = self.output(F.relu(self.upsampling(self.convolutions(regions))))
+        return logits
 
 
 class KeypointHead(nn.Module):

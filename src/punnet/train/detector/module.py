@@ -25,7 +25,7 @@ class DetectorModule(lightning.LightningModule):
         super().__init__()
         self.training_config = training
         self.network = BerryDetector(config)
-        self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.network.to(memory_format=torch.channels_last)
         self.save_hyperparameters({"detector": config_to_json(config), "training": config_to_json(training)})
 
     def on_train_batch_start(self, batch: Batch, batch_idx: int) -> None:
@@ -38,7 +38,9 @@ class DetectorModule(lightning.LightningModule):
         losses = self.network(images.float().contiguous(memory_format=torch.channels_last), targets)
         weights = self.training_config.loss
         total = torch.stack([getattr(weights, name) * value.float() for name, value in losses.items()]).sum()
-        self.log_dict({f"loss/{name}": value.detach() for name, value in losses.items()}, batch_size=len(images))
+        self.log_dict(
+            {f"loss/{name}": value.detach() for name, value in losses.items()}, batch_size=len(images)
+        )
         self.log("loss", total.detach(), prog_bar=True, batch_size=len(images))
         return total
 

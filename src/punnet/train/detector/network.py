@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import torch
 from torch import Tensor, nn
 from torchvision.models.detection.anchor_utils import AnchorGenerator
 from torchvision.models.detection.faster_rcnn import FastRCNNPredictor, TwoMLPHead
@@ -18,7 +17,7 @@ from punnet.train.detector.config import DetectorConfig
 from punnet.train.detector.heads import AttributeHead, KeypointHead, MaskHead
 from punnet.train.detector.regions import BerryProposals, BerryRegionHeads
 
-__all__ = ["BerryDetector"]
+__all__ = ["LEAST_SCORE", "BerryDetector", "count_parameters"]
 
 # Boxes hold the stem, so they are taller than wide.
 ASPECT_RATIOS = (1.0, 1.8)
@@ -82,9 +81,7 @@ class BerryDetector(nn.Module):
 
 
 def _proposals(config: DetectorConfig, channels: int, levels: tuple[str, ...]) -> BerryProposals:
-    anchors = AnchorGenerator(
-        tuple(ANCHOR_SIZES[level] for level in levels), (ASPECT_RATIOS,) * len(levels)
-    )
+    anchors = AnchorGenerator(tuple(ANCHOR_SIZES[level] for level in levels), (ASPECT_RATIOS,) * len(levels))
     head = RPNHead(channels, anchors.num_anchors_per_location()[0])
     return BerryProposals(
         levels,
@@ -127,17 +124,3 @@ def _region_heads(
 def count_parameters(network: nn.Module) -> int:
     """How many numbers a network learns."""
     return sum(p.numel() for p in network.parameters() if p.requires_grad)
-
-
-def no_targets(height: int, width: int) -> dict[str, Tensor]:
-    """Targets of an image in which nothing is annotated."""
-    return {
-        "boxes": torch.zeros(0, 4),
-        "labels": torch.zeros(0, dtype=torch.int64),
-        "masks": torch.zeros(0, height, width, dtype=torch.uint8),
-        "has_mask": torch.zeros(0, dtype=torch.bool),
-        "keypoints": torch.zeros(0, 5, 3),
-        "visibility": torch.zeros(0, 5, 4, dtype=torch.bool),
-        "ripeness": torch.zeros(0),
-        "ignored": torch.zeros(0, 4),
-    }

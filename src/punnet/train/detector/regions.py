@@ -37,10 +37,11 @@ def _inside_ignored(boxes: Tensor, ignored: Tensor) -> Tensor:
     low = torch.maximum(boxes[:, None, :2], ignored[None, :, :2])
     high = torch.minimum(boxes[:, None, 2:], ignored[None, :, 2:])
     shared = (high - low).clamp(min=0).prod(dim=2).max(dim=1).values
-    return shared > IGNORED_SHARE * box_area(boxes)
+    inside: Tensor = shared > IGNORED_SHARE * box_area(boxes)
+    return inside
 
 
-class BerryProposals(RegionProposalNetwork):
+class BerryProposals(RegionProposalNetwork):  # type: ignore[misc]
     """Proposes from the coarser maps only, and learns nothing from berries that are not counted."""
 
     def __init__(self, levels: tuple[str, ...], *arguments: Any, **settings: Any) -> None:
@@ -51,7 +52,10 @@ class BerryProposals(RegionProposalNetwork):
         self, images: Any, features: dict[str, Tensor], targets: list[Target] | None = None
     ) -> tuple[list[Tensor], dict[str, Tensor]]:
         """As torchvision's, on the maps in ``levels``."""
-        return super().forward(images, {name: features[name] for name in self.levels}, targets)
+        found: tuple[list[Tensor], dict[str, Tensor]] = super().forward(
+            images, {name: features[name] for name in self.levels}, targets
+        )
+        return found
 
     def assign_targets_to_anchors(
         self, anchors: list[Tensor], targets: list[Target]
@@ -63,14 +67,16 @@ class BerryProposals(RegionProposalNetwork):
         return labels, boxes
 
 
-class BerryRegionHeads(RoIHeads):
+class BerryRegionHeads(RoIHeads):  # type: ignore[misc]
     """Class and box; then, on the enlarged box, mask, heat-maps, visibility and ripeness from the same cells.
 
     Differs from torchvision's in that masks and key-points are read off one enlarged region, that labels may be
     partial (an annotation without mask, or without key-points), and in the attributes.
     """
 
-    def __init__(self, *arguments: Any, margin: float, attribute_head: AttributeHead, **settings: Any) -> None:
+    def __init__(
+        self, *arguments: Any, margin: float, attribute_head: AttributeHead, **settings: Any
+    ) -> None:
         super().__init__(*arguments, **settings)
         self.margin = margin
         self.attribute_head = attribute_head
@@ -101,10 +107,11 @@ class BerryRegionHeads(RoIHeads):
         regions = [enlarged(b, self.margin) for b in boxes]
         read = self._read(features, regions, image_shapes)
         counts = [len(b) for b in boxes]
-        columns = {name: value.split(counts) for name, value in read.items()} if len(boxes) > 1 else None
+        # Of one image nothing is to be split, so that an exported graph does not hold the split.
+        columns = {k: torch.split(v, counts) if len(counts) > 1 else (v,) for k, v in read.items()}
         return [
             {"boxes": boxes[i], "scores": scores[i], "labels": labels[i], "regions": regions[i]}
-            | {name: read[name] if columns is None else columns[name][i] for name in read}
+            | {name: column[i] for name, column in columns.items()}
             for i in range(len(boxes))
         ], {}
 
@@ -132,7 +139,10 @@ class BerryRegionHeads(RoIHeads):
         logits, deltas = self.box_predictor(
             self.box_head(self.box_roi_pool(features, proposals, image_shapes))
         )
-        classes, box = fastrcnn_loss(logits, deltas, labels, regression)
+        if sum(map(len, labels)):
+            classes, box = fastrcnn_loss(logits, deltas, labels, regression)
+        else:  # nothing but ignored areas: a mean over no region would not be a number
+            classes, box = logits.sum() * 0, deltas.sum() * 0
         positive = [label > 0 for label in labels]
         regions = [enlarged(p[chosen], self.margin) for p, chosen in zip(proposals, positive, strict=True)]
         berries = [m[chosen] for m, chosen in zip(matched, positive, strict=True)]
@@ -145,7 +155,9 @@ class BerryRegionHeads(RoIHeads):
             "classes": classes,
             "box": box,
             "mask": self._mask_loss(cells, regions, berries, targets),
-            "keypoint": keypointrcnn_loss(heatmaps.float().contiguous(), regions, [t["keypoints"] for t in targets], berries),
+            "keypoint": keypointrcnn_loss(
+                heatmaps.float().contiguous(), regions, [t["keypoints"] for t in targets], berries
+            ),
             "visibility": visibility_loss(visibility, allowed),
             "ripeness": ripeness_loss(ripeness, shares),
         }
@@ -156,10 +168,11 @@ class BerryRegionHeads(RoIHeads):
         """Eq. 3.5 over the berries that have a mask; one mask for all classes."""
         outlined = [t["has_mask"][b] for t, b in zip(targets, berries, strict=True)]
         logits = self.mask_head(cells[torch.cat(outlined)])
-        return maskrcnn_loss(
+        loss: Tensor = maskrcnn_loss(
             logits.float(),
             [r[o] for r, o in zip(regions, outlined, strict=True)],
             [t["masks"] for t in targets],
             [torch.zeros_like(t["labels"]) for t in targets],
             [b[o] for b, o in zip(berries, outlined, strict=True)],
         )
+        return loss

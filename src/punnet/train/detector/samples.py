@@ -54,27 +54,30 @@ def open_sources(sources: Sequence[Source]) -> list[OpenSource]:
     for source in sources:
         images = read_dataset(source.path)
         if source.images is not None:
-            names = {image.path.name: k for k, image in enumerate(images)}
-            if missing := sorted(set(source.images) - names.keys()):
-                raise ConfigurationError(f"{source.path}: no image {missing[0]} ({len(missing)} missing)")
-            images = images.subset([names[name] for name in source.images])
+            places: dict[str | int, int] = {image.path.name: k for k, image in enumerate(images)}
+            places |= {image.id: k for k, image in enumerate(images)}
+            if missing := [name for name in source.images if name not in places]:
+                raise ConfigurationError(
+                    f"{source.path}: no image {missing[0]} ({len(missing)} of {len(source.images)} missing)"
+                )
+            images = images.subset([places[name] for name in source.images])
         if not len(images):
             raise ConfigurationError(f"{source.path}: no image in this set")
-        codes = {int(c) for i in images for a in i.annotations if a.visibility is not None for c in a.visibility}
+        codes = {
+            int(c) for i in images for a in i.annotations if a.visibility is not None for c in a.visibility
+        }
         opened.append(OpenSource(source, images, Visibility.HIDDEN_BY_OTHER in codes))
     return opened
 
 
 def labels_of(image: AnnotatedImage, *, tells_what_hides: bool = True) -> Labels:
     """The annotations of an image as arrays; crowds become ignored areas."""
-    counted = [(k, a) for k, a in enumerate(image.annotations) if not a.crowd]
-    masks = np.zeros((len(counted), image.height, image.width), dtype=np.uint8)
-    has_mask = np.zeros(len(counted), dtype=np.bool_)
-    for row, (k, _) in enumerate(counted):
-        mask = image.mask(k)
+    annotations = [a for a in image.annotations if not a.crowd]
+    masks = np.zeros((len(annotations), image.height, image.width), dtype=np.uint8)
+    has_mask = np.zeros(len(annotations), dtype=np.bool_)
+    for row, mask in enumerate(image.masks(annotations)):
         if mask is not None and mask.any():
             masks[row], has_mask[row] = mask, True
-    annotations = [a for _, a in counted]
     n = len(annotations)
     points = np.full((n, len(KEYPOINTS), 2), np.nan)
     allowed = np.ones((n, len(KEYPOINTS), len(Visibility)), dtype=np.bool_)
@@ -99,8 +102,9 @@ def _allowed(annotation: Annotation, *, tells_what_hides: bool) -> NDArray[np.bo
     assert annotation.visibility is not None
     allowed = np.eye(len(Visibility), dtype=np.bool_)[annotation.visibility]
     if not tells_what_hides:
-        allowed[annotation.visibility == Visibility.HIDDEN_BY_ITSELF, Visibility.HIDDEN_BY_OTHER] = True
-        allowed[annotation.visibility == Visibility.ABSENT] = True
+        hidden = np.equal(annotation.visibility, Visibility.HIDDEN_BY_ITSELF)
+        allowed[hidden, Visibility.HIDDEN_BY_OTHER] = True
+        allowed[np.equal(annotation.visibility, Visibility.ABSENT)] = True
     return allowed
 
 

@@ -1,28 +1,46 @@
-"""A training run: sources in, checkpoints and a bundle out; it can be stopped and goes on where it was."""
+"""A training run: labelled sets in, checkpoints out; it can be stopped and goes on where it was."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import logging
+import signal
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import lightning
 import torch
-from lightning.pytorch.callbacks import Callback, EarlyStopping, EMAWeightAveraging, ModelCheckpoint, TQDMProgressBar
+from lightning.pytorch.callbacks import (
+    Callback,
+    EarlyStopping,
+    EMAWeightAveraging,
+    ModelCheckpoint,
+    ProgressBar,
+)
 from lightning.pytorch.loggers import TensorBoardLogger
 from torch.utils.data import DataLoader
 
 from punnet.data.dataset import AnnotatedImage
 from punnet.errors import ConfigurationError
+from punnet.outputs import Interrupted, write_text
+from punnet.train.detector.callbacks import SCORES_FILE, Tell, Validation, progress
 from punnet.train.detector.config import DetectorConfig, DetectorTraining, Source, config_to_json
 from punnet.train.detector.module import VALIDATED, DetectorModule
-from punnet.train.detector.network import BerryDetector
 from punnet.train.detector.samples import Draws, OpenSource, Samples, collate, open_sources
-from punnet.train.detector.validation import score_network
 
-__all__ = ["TrainingRun", "train_detector"]
+__all__ = [
+    "CHECKPOINTS",
+    "CONFIG_FILE",
+    "LAST",
+    "TrainingRun",
+    "last_scores",
+    "load_weights",
+    "train_detector",
+]
 
 CHECKPOINTS = "checkpoints"
 LAST = "last.ckpt"
@@ -63,68 +81,70 @@ class TrainingRun:
     loaders: int = 1
 
 
-class _Validation(Callback):
-    """Scores the averaged weights at the end of each epoch, and says how they do."""
-
-    def __init__(self, images: Sequence[AnnotatedImage]) -> None:
-        self.images = images
-
-    def on_train_epoch_end(self, trainer: lightning.Trainer, module: lightning.LightningModule) -> None:
-        """Log average precision by class, on the first process."""
-        assert isinstance(module, DetectorModule)
-        network = _averaged(trainer, module)
-        scores: dict[str, float] = {}
-        if trainer.is_global_zero:
-            result = score_network(network, self.images)
-            for row in result.rows[:3]:
-                scores |= {f"validation/{row.name}_mask_ap{t:g}": value for t, value in row.mask_ap.items()}
-                scores |= {f"validation/{row.name}_keypoint_ap{t:g}": v for t, v in row.keypoint_ap.items()}
-            scores[VALIDATED] = result["mean"].mask_ap_mean
-        module.train()
-        module.log_dict({k: v for k, v in scores.items() if v == v}, rank_zero_only=True)
-        if trainer.is_global_zero:
-            with (Path(trainer.default_root_dir) / "validation.jsonl").open("a") as file:
-                file.write(json.dumps({"step": trainer.global_step, **scores}) + "\n")
-
-
-def _averaged(trainer: lightning.Trainer, module: DetectorModule) -> BerryDetector:
-    """The exponential moving average of the network if there is one, else the network."""
-    for callback in trainer.callbacks:  # type: ignore[attr-defined]
-        average = getattr(callback, "_average_model", None)
-        if isinstance(callback, EMAWeightAveraging) and average is not None:
-            network: BerryDetector = average.module.network
-            return network
-    return module.network
-
-
-def train_detector(config: DetectorConfig, training: DetectorTraining, run: TrainingRun) -> Path:
+def train_detector(
+    config: DetectorConfig, training: DetectorTraining, run: TrainingRun, tell: Tell | None = None
+) -> Path:
     """Train, or go on with, a detector; the path of its last checkpoint.
 
     A folder that holds checkpoints of the same configuration is gone on with: step for step what an uninterrupted run
     would have done. Another configuration in the folder is an error.
 
+    Parameters
+    ----------
+    config, training
+        The network, and how it is trained.
+    run
+        Where, from what and on how many processes.
+    tell
+        Is given a line of text now and then; None for silence.
+
     Raises
     ------
     ConfigurationError
-        If the folder holds another run, or the sources have no images.
+        If the folder holds another run, the sources have no images, or ``run.start`` does not fit.
+    OutputError
+        If the folder can't be written.
+    Interrupted
+        At Ctrl-C, with the last checkpoint.
     """
+    tell = _say_nothing if tell is None else tell
+    settings = _settings(config, training, run)
+    claimed = _is_claimed(run.folder, settings)
     if run.threads is not None:
         torch.set_num_threads(run.threads)
-    _claim(config, training, run)
-    sources = open_sources(run.sources)
+    sources, validated = open_sources(run.sources), _validation_images(run)
     torch.manual_seed(training.seed)
     module = DetectorModule(config, training)
     last = run.folder / CHECKPOINTS / LAST
     if run.start is not None and not last.exists():
         load_weights(module, run.start)
-    trainer = _trainer(training, run)
-    trainer.fit(
-        module,
-        train_dataloaders=_loader(training, run, sources, trainer),
-        ckpt_path=str(last) if last.exists() else None,
-        weights_only=False,
-    )
+    if not claimed:
+        write_text(run.folder / CONFIG_FILE, json.dumps(settings, indent=1) + "\n")
+    with _quiet():
+        trainer = _trainer(training, run, validated, tell)
+        loader = _loader(training, run, sources, trainer)
+        _fit(trainer, module, loader, last)
     return last
+
+
+def _fit(trainer: lightning.Trainer, module: DetectorModule, loader: DataLoader[Any], last: Path) -> None:
+    """Train from the last checkpoint, if there is one; Ctrl-C says what was kept."""
+    at_interrupt = signal.getsignal(signal.SIGINT)
+    try:
+        trainer.fit(module, loader, ckpt_path=str(last) if last.exists() else None, weights_only=True)
+    except SystemExit as stopped:
+        if not trainer.interrupted:
+            raise
+        signal.signal(signal.SIGINT, at_interrupt)
+        raise Interrupted(last if last.exists() else None) from stopped
+
+
+def last_scores(folder: Path) -> dict[str, float]:
+    """The last validation of a run, by name; empty if there was none."""
+    path = folder / SCORES_FILE
+    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    scores: dict[str, float] = json.loads(lines[-1]) if lines else {}
+    return scores
 
 
 def load_weights(module: DetectorModule, checkpoint: Path) -> None:
@@ -136,42 +156,92 @@ def load_weights(module: DetectorModule, checkpoint: Path) -> None:
         If it is not a checkpoint of the same network.
     """
     try:
-        stored: dict[str, Any] = torch.load(checkpoint, map_location="cpu", weights_only=False)
+        stored: dict[str, Any] = torch.load(checkpoint, map_location="cpu", weights_only=True)
         module.load_state_dict(stored["state_dict"])
-    except (OSError, KeyError, RuntimeError, EOFError) as error:
+    except Exception as error:  # damaged files make torch.load raise almost anything
         raise ConfigurationError(
             f"{checkpoint}: not a checkpoint of this detector ({str(error).splitlines()[0]})"
         ) from error
 
 
-def _claim(config: DetectorConfig, training: DetectorTraining, run: TrainingRun) -> None:
-    """Write the run's settings, or hold them against those that are there."""
-    settings = {
+def _say_nothing(line: str) -> None:
+    """Where nobody listens."""
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Lightning without its advice on cloud services, loaders and sanity."""
+    loggers = [logging.getLogger(name) for name in ("lightning.pytorch", "lightning.fabric")]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", module="lightning")
+            warnings.filterwarnings("ignore", module="torch")
+            yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
+
+
+def _settings(config: DetectorConfig, training: DetectorTraining, run: TrainingRun) -> dict[str, Any]:
+    """What makes two runs the same."""
+    return {
         "detector": config_to_json(config),
         "training": config_to_json(training),
         "sources": [config_to_json(source) for source in run.sources],
         "start": None if run.start is None else str(run.start),
         "processes": run.processes,
     }
-    path = run.folder / CONFIG_FILE
+
+
+def _is_claimed(folder: Path, settings: dict[str, Any]) -> bool:
+    """Whether the folder holds a run of these settings; False if it holds none.
+
+    Raises
+    ------
+    ConfigurationError
+        If it holds another.
+    """
+    path = folder / CONFIG_FILE
     if not path.exists():
-        run.folder.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(settings, indent=1) + "\n")
-        return
-    found = json.loads(path.read_text())
-    if differing := sorted(k for k in settings if found.get(k) != settings[k]):
+        return False
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        differing = sorted(k for k in settings if found.get(k) != settings[k])
+    except (OSError, ValueError, AttributeError) as error:
         raise ConfigurationError(
-            f"{run.folder}: holds a run with another {', '.join(differing)}; give another folder, or the same settings"
+            f"{path}: not the settings of a run ({error}); give another folder"
+        ) from error
+    if differing:
+        raise ConfigurationError(
+            f"{folder}: holds a run with another {', '.join(differing)}; give another folder, or the same settings"
         )
+    return True
 
 
-def _trainer(training: DetectorTraining, run: TrainingRun) -> lightning.Trainer:
-    callbacks: list[Callback] = [TQDMProgressBar(refresh_rate=10)]
+def _validation_images(run: TrainingRun) -> Sequence[AnnotatedImage]:
+    """The images to validate on; none if the run has no validation."""
+    if run.validation is None:
+        return ()
+    images = open_sources([run.validation])[0].images.images[: run.validation_images]
+    if not any(a.segmentation is not None and not a.crowd for image in images for a in image.annotations):
+        raise ConfigurationError(
+            f"{run.validation.path}: no berry with a mask among its first {len(images)} images, so nothing to "
+            "validate on; give another --validation, or none"
+        )
+    return images
+
+
+def _trainer(
+    training: DetectorTraining, run: TrainingRun, validated: Sequence[AnnotatedImage], tell: Tell
+) -> lightning.Trainer:
+    callbacks: list[Callback] = [progress(tell)]
     if training.averaging:
         callbacks.append(EMAWeightAveraging(decay=training.averaging))
-    if run.validation is not None:
-        images = open_sources([run.validation])[0].images.images
-        callbacks.append(_Validation(images[: run.validation_images]))
+    if validated:
+        callbacks.append(Validation(validated, tell))
         if training.patience:
             callbacks.append(EarlyStopping(VALIDATED, mode="max", patience=training.patience))
     callbacks.append(ModelCheckpoint(run.folder / CHECKPOINTS, save_last=True, save_on_train_epoch_end=True))
@@ -186,9 +256,10 @@ def _trainer(training: DetectorTraining, run: TrainingRun) -> lightning.Trainer:
         logger=TensorBoardLogger(run.folder, name="tensorboard", version=""),
         callbacks=callbacks,
         default_root_dir=run.folder,
-        log_every_n_steps=10,
+        log_every_n_steps=min(10, training.validate_every),
         use_distributed_sampler=False,
         enable_model_summary=False,
+        enable_progress_bar=any(isinstance(callback, ProgressBar) for callback in callbacks),
         deterministic=False,
     )
 

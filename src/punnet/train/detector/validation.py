@@ -9,8 +9,8 @@ import torch
 from numpy.typing import NDArray
 
 from punnet.data.dataset import AnnotatedImage
-from punnet.perception.learned import DetectorSettings, prepare
 from punnet.perception.decoding import decode_detections
+from punnet.perception.learned import DetectorSettings, prepare
 from punnet.perception.metrics import KEYPOINT_SIGMAS, DetectionScores, evaluate_detections
 from punnet.perception.network import RawDetections
 from punnet.scene import Strawberries, read_image
@@ -45,7 +45,9 @@ class TorchNetwork:
         """Detections of an image (1, H, W, 3), best first."""
         with torch.no_grad():
             outputs = self.graph(torch.from_numpy(image), torch.tensor(score_threshold))
-        values = [output.float().numpy() if output.is_floating_point() else output.numpy() for output in outputs]
+        values = [
+            output.float().numpy() if output.is_floating_point() else output.numpy() for output in outputs
+        ]
         return RawDetections.from_outputs(dict(zip(OUTPUTS, values, strict=True)), image, "network")
 
 

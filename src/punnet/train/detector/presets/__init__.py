@@ -50,6 +50,8 @@ def read_config(
         ) from error
     if not isinstance(data, dict) or not set(data) <= {"detector", "training"}:
         raise ConfigurationError(f"{name}: an object with 'detector' and 'training' is needed")
+    if not all(isinstance(part, dict) for part in data.values()):
+        raise ConfigurationError(f"{name}: 'detector' and 'training' must be objects")
     detector, training = dict(data.get("detector", {})), dict(data.get("training", {}))
     training |= {key: value for key, value in (changes or {}).items() if value is not None}
     backbone = detector.pop("backbone", "efficientnet_lite0_fpn")
