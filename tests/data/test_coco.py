@@ -387,9 +387,11 @@ def test_keypoints_that_nobody_annotated_are_not_absent_ones(tmp_path: Path) -> 
     assert read_coco(saved(tmp_path, absent))[0].annotations[0].visibility.tolist() == [0] * 5
 
 
-def test_box_comes_from_the_outline_if_it_must(tmp_path: Path) -> None:
+def test_box_comes_from_outline_or_keypoints_if_it_must(tmp_path: Path) -> None:
     data = changed(bbox=..., keypoints=..., visibility_detail=...)
     assert read_coco(saved(tmp_path, data))[0].annotations[0].box.tolist() == [3, 4, 7, 9]
+    points_alone = changed(bbox=..., segmentation=...)
+    assert read_coco(saved(tmp_path, points_alone))[0].annotations[0].box.tolist() == [5, 1, 6, 8]
 
 
 def test_empty_segmentation_is_none(tmp_path: Path) -> None:
