@@ -16,7 +16,7 @@ COLOUR = "colour"
 SIMULATION_DETECTOR = "sim-fast"
 """What the simulator's harvests use unless told otherwise."""
 
-PHOTOGRAPH_DETECTOR = COLOUR
+PHOTOGRAPH_DETECTOR = "field-fast"
 """What photographs are searched with unless told otherwise."""
 
 
