@@ -56,11 +56,13 @@ def convert(
     if not len(dataset):
         raise FileFormatError(f"{path}: no image is left to be written")
     with busy("writing"):
-        _write(dataset, out, to, force)
+        losses = _write(dataset, out, to, force)
+    for loss in losses:
+        note(f"not in YOLO: {loss}")
     berries = sum(len(image.annotations) for image in dataset)
     if as_json:
         summary = {"out": str(out), "to": str(to), "images": len(dataset), "annotations": berries}
-        print_json(summary | {"left_out": left_out})
+        print_json(summary | {"left_out": left_out, "lost": losses})
     else:
         say(f"wrote {out}: {len(dataset)} images, {berries} annotations")
     if left_out:
@@ -68,12 +70,11 @@ def convert(
         raise typer.Exit(1)
 
 
-def _write(dataset: Dataset, out: Path, to: Target, force: bool) -> None:
+def _write(dataset: Dataset, out: Path, to: Target, force: bool) -> list[str]:
+    """Write it; say what the format has no place for."""
+    from punnet.data import write_coco, write_yolo
+
     if to is Target.COCO:
-        from punnet.data.coco import write_coco
-
         write_coco(dataset, out, force=force)
-        return
-    from punnet.data.yolo import write_yolo
-
-    write_yolo(dataset, out, "segment" if to is Target.YOLO_SEGMENTATION else "pose", force=force)
+        return []
+    return write_yolo(dataset, out, "segment" if to is Target.YOLO_SEGMENTATION else "pose", force=force)

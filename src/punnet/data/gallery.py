@@ -185,9 +185,9 @@ def _bare_photographs(path: Path, format: str | None) -> list[Path] | None:  # n
     try:
         guess_format(path)
     except FileFormatError:
-        if photographs := list_images(path):
+        # A damaged file beside photographs is told of, not passed over.
+        if not any(path.glob("*.json")) and (photographs := list_images(path)):
             return photographs
-        raise
     return None
 
 
@@ -220,5 +220,5 @@ def _row(annotation: Annotation) -> dict[str, Any]:
         "score": known(float(score), 2) if isinstance(score, int | float) else None,
         "key-points": None
         if annotation.visibility is None
-        else "".join("–◦●×"[code] for code in annotation.visibility),
+        else "".join("–○●×"[code] for code in annotation.visibility),
     }

@@ -67,7 +67,7 @@ def _places(
         if outside.any():
             yield (
                 "keypoint-outside-box",
-                f"{_names(outside)} outside the box; expand the box, or no detector will see them",
+                f"{_names(outside)} outside the box; expand the box, or no detector looks there",
             )
     if around.width is not None and around.height is not None:
         limits = np.array([around.width, around.height]) + EDGE_TOLERANCE

@@ -58,7 +58,7 @@ def read_readable(
     try:
         return read_dataset(path, format, class_map=class_map), []
     except FileFormatError:
-        if not Path(path).exists() or (format or guess_format(path)) != "coco":
+        if not Path(path).exists() or (format or _guess(Path(path))) != "coco":
             raise
         raw = open_raw_coco(find_coco_file(path))
         report = validate_entries(raw, class_map)
@@ -66,6 +66,15 @@ def read_readable(
         if not left_out:
             raise
     return _read_rest(raw, left_out, class_map), left_out
+
+
+def _guess(path: Path) -> str:
+    """The format; also of a COCO file whose JSON is not strict."""
+    try:
+        return guess_format(path)
+    except FileFormatError:
+        open_raw_coco(path)
+        return "coco"
 
 
 def with_photographs(dataset: Dataset, progress: Progress | None = None) -> tuple[Dataset, list[str]]:

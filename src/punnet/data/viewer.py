@@ -30,7 +30,7 @@ JPEG_QUALITY = 88
 KEPT_PICTURES = 400
 DRAWN_AT_A_TIME = 2
 IMMUTABLE = "private, max-age=3600"
-ADDRESS = re.compile(r"/(thumb|picture|item)/(\d{1,9})\.(jpg|json)")
+ADDRESS = re.compile(r"/(thumb|picture|item)/([0-9]{1,9})\.(jpg|json)")
 # The page is one file; what it may do beside showing itself is written here.
 POLICY = (
     "default-src 'none'; img-src 'self'; connect-src 'self'; style-src 'unsafe-inline'; "
