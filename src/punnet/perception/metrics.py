@@ -115,26 +115,6 @@ class DetectionScores:
         """Plain JSON, NaN as null."""
         return {"images": self.images, "classes": [row.to_json() for row in self.rows]}
 
-    def table(self) -> str:
-        """Aligned text, AP and AR in percent, a dash where nothing was annotated."""
-        first = self.rows[0]
-        header = ["class", "truths", "found"]
-        header += [f"mask AP{100 * t:.0f}" for t in first.mask_ap] + ["AP50:95", "AR"]
-        header += [f"kp AP{100 * t:.0f}" for t in first.keypoint_ap] + ["AP50:95", "AR"]
-        lines = [header]
-        for row in self.rows:
-            masks = [*row.mask_ap.values(), row.mask_ap_mean, row.mask_ar]
-            points = [*row.keypoint_ap.values(), row.keypoint_ap_mean, row.keypoint_ar]
-            lines.append([row.name, str(row.truths), str(row.detections), *map(_percent, masks + points)])
-        widths = [max(len(line[k]) for line in lines) for k in range(len(header))]
-        return "\n".join(
-            "  ".join(
-                cell.ljust(w) if k == 0 else cell.rjust(w)
-                for k, (cell, w) in enumerate(zip(line, widths, strict=True))
-            )
-            for line in lines
-        )
-
 
 @dataclass(frozen=True, slots=True)
 class ScoreSettings:
@@ -269,7 +249,3 @@ def _mean(values: Sequence[float]) -> float:
 
 def _nullable(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def _percent(value: float) -> str:
-    return f"{100 * value:.1f}" if math.isfinite(value) else "–"
