@@ -36,9 +36,9 @@ Shape = tuple[dict[str, Any], str]
 def read_labelme(path: str | Path, *, class_map: ClassMap | None = None) -> Dataset:
     """Read a LabelMe file, or all of a folder.
 
-    Outlines (polygon, rectangle, circle, mask) with the same ``group_id`` and label are parts of one berry. Points
-    labelled with the names of the five key-points belong to the outline of their ``group_id``; they are visible unless
-    a flag ``occluded``, ``hidden``, ``hidden_by_itself`` or ``hidden_by_other`` is set.
+    Outlines (polygon, circle, mask) with the same ``group_id`` and label are parts of one berry; a rectangle is a box
+    without a mask. Points labelled with the names of the five key-points belong to the outline of their ``group_id``;
+    they are visible unless a flag ``occluded``, ``hidden``, ``hidden_by_itself`` or ``hidden_by_other`` is set.
 
     Parameters
     ----------
@@ -105,22 +105,26 @@ def _berries(
     class_map: ClassMap | None,
 ) -> list[FoundBerry]:
     berries = []
+    ignored = set()
     for key, shapes in outlines.items():
         first, where = shapes[0]
         group = key[0] if isinstance(key, tuple) else None
-        belonging = points.pop(group, []) if group is not None else []
         class_index = classify(str(first.get("label")), class_map, where)
         if class_index is None:
+            ignored.add(group)
             continue
-        fields = {"segmentation": _segmentation(shapes, size)}
+        belonging = points.pop(group, []) if group is not None else []
+        fields = {"category_name": first["label"], **_outline(shapes, size)}
         if belonging:
             fields |= _keypoints(belonging)
         for name in ("flags", "description"):
             if first.get(name):
                 fields[name] = first[name]
         berries.append(FoundBerry(class_index, fields, where))
-    for shapes in points.values():
+    for group, shapes in points.items():
         shape, where = shapes[0]
+        if group is not None and group in ignored:
+            continue
         # A point may mark anything else; only those named like ours must belong to a berry.
         if same_name(str(shape.get("label"))) in KEYPOINTS:
             raise FileFormatError(
@@ -152,16 +156,31 @@ def _keypoints(shapes: list[Shape]) -> dict[str, Any]:
     return {"keypoints": table, "visibility_detail": codes}
 
 
-def _segmentation(shapes: list[Shape], size: tuple[int, int]) -> list[list[float]] | dict[str, Any]:
-    masks = [(shape, where) for shape, where in shapes if shape.get("shape_type") == "mask"]
-    if not masks:
-        return [_polygon(shape, where) for shape, where in shapes]
-    if len(masks) != len(shapes):
-        raise FileFormatError(f"{shapes[0][1]}: masks and polygons in one group; use one kind for a berry")
+def _outline(shapes: list[Shape], size: tuple[int, int]) -> dict[str, Any]:
+    """Box, polygons or run lengths, as COCO has them, of the parts of one berry."""
+    kinds = {shape.get("shape_type") or "polygon" for shape, _ in shapes}
+    if "rectangle" in kinds and len(shapes) == 1:
+        return {"bbox": _box(*shapes[0])}
+    if "mask" not in kinds and "rectangle" not in kinds:
+        return {"segmentation": [_polygon(shape, where) for shape, where in shapes]}
+    if kinds != {"mask"}:
+        raise FileFormatError(
+            f"{shapes[0][1]}: {', '.join(sorted(kinds))} in one group; a berry is polygons and circles, masks, or one "
+            "rectangle"
+        )
     whole = np.zeros(size, dtype=np.bool_)
-    for shape, where in masks:
+    for shape, where in shapes:
         _paste(shape, where, whole)
-    return encode_mask(whole)
+    return {"segmentation": encode_mask(whole)}
+
+
+def _box(shape: dict[str, Any], where: str) -> list[float]:
+    """x, y, width, height of two opposite corners, or of all four."""
+    corners = _corners(shape, where, None)
+    if len(corners) not in (2, 4):
+        raise FileFormatError(f"{where}: a rectangle has two corners or four, got {len(corners)}")
+    us, vs = zip(*corners, strict=True)
+    return [min(us), min(vs), max(us) - min(us), max(vs) - min(vs)]
 
 
 def _paste(shape: dict[str, Any], where: str, whole: np.ndarray[Any, np.dtype[np.bool_]]) -> None:
@@ -186,9 +205,6 @@ def _polygon(shape: dict[str, Any], where: str) -> list[float]:
     kind = shape.get("shape_type") or "polygon"
     if kind == "polygon":
         return [value for corner in _corners(shape, where, None) for value in corner]
-    if kind == "rectangle":
-        (u0, v0), (u1, v1) = _corners(shape, where, 2)
-        return [u0, v0, u1, v0, u1, v1, u0, v1]
     if kind == "circle":
         (u, v), (edge_u, edge_v) = _corners(shape, where, 2)
         radius = math.hypot(edge_u - u, edge_v - v)

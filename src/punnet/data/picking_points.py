@@ -33,6 +33,8 @@ __all__ = ["is_picking_points", "read_picking_points"]
 
 # Detectron2's BoxMode, by name and number.
 BOX_MODES = {"XYXY_ABS": 0, "XYWH_ABS": 1, "XYXY_REL": 2, "XYWH_REL": 3}
+# The first that holds text names the class.
+NAME_FIELDS = ("category", "category_name", "class", "label", "ripeness")
 BERRY_FIELDS = ("bbox", "bbox_mode", "category_id", "category", "keypoints", "segmentation", "iscrowd")
 IMAGE_FIELDS = ("file_name", "height", "width", "annotations")
 
@@ -42,10 +44,10 @@ def read_picking_points(
 ) -> Dataset:
     """Read a folder of such JSON files, or one file with one photograph or a list of them.
 
-    The class is a name in ``category``, or ``category_id``, of which the files do not say what it means: the class map
-    has to, as ``{"0": "pluckable", "1": "unpluckable"}``. Key-points are 15 numbers or five
-    triples; of pairs without visibility, negative or zero ones are absent. Where sizes are not said the photographs are
-    opened.
+    The class is a name in ``category``, ``class``, ``label`` or ``ripeness``, or else ``category_id``, of which the
+    files do not say what it means: the class map has to, as ``{"0": "pluckable", "1": "unpluckable"}``. Key-points are
+    15 numbers or five triples; of pairs without visibility, negative or zero ones are absent. Where sizes are not said
+    the photographs are opened.
 
     Raises
     ------
@@ -58,8 +60,8 @@ def read_picking_points(
         raise FileFormatError(f"{path}: no JSON files in this folder")
     records = [record for file in files for record in _records(file)]
     if image_folder is None:
-        names = (str(record.get("file_name", "")).replace("\0", "") for record, _, _ in records)
-        image_folder = find_image_folder(path if path.is_dir() else path.parent, [n for n in names if n])
+        names = [name for record, file, _ in records for name in _likely_names(record, file)]
+        image_folder = find_image_folder(path if path.is_dir() else path.parent, names)
     folder = Path(image_folder)
     return assemble(
         (_photograph(record, file, where, folder, class_map) for record, file, where in records), path.stem
@@ -80,7 +82,9 @@ def _records(file: Path) -> Iterator[tuple[dict[str, Any], Path, str]]:
     data = read_json(file)
     for position, record in enumerate(data if isinstance(data, list) else [data]):
         where = f"{file}: entry {position}" if isinstance(data, list) else str(file)
-        yield require_object(record, where), file, where
+        if not isinstance(require_object(record, where).get("annotations"), list):
+            raise FileFormatError(f"{where}: a list 'annotations' is needed")
+        yield record, file, where
 
 
 def _photograph(
@@ -91,17 +95,23 @@ def _photograph(
         height, width = image_size(photograph)
     else:
         height, width = (integer(record[name], f"{where}: {name}") for name in ("height", "width"))
-    entries = record.get("annotations")
-    if not isinstance(entries, list):
-        raise FileFormatError(f"{where}: a list 'annotations' is needed")
     berries = []
-    for position, entry in enumerate(entries):
+    for position, entry in enumerate(record["annotations"]):
         place = f"{where}: annotation {position}"
         berry = _berry(require_object(entry, place), (height, width), place, class_map)
         if berry is not None:
             berries.append(berry)
     extra = {name: value for name, value in record.items() if name not in IMAGE_FIELDS}
     return FoundImage(photograph, width, height, berries, where, extra)
+
+
+def _likely_names(record: dict[str, Any], file: Path) -> list[str]:
+    """What the photograph may be called: as the file says, without its folders, or like the file itself."""
+    name = record.get("file_name")
+    if not isinstance(name, str) or not name or "\0" in name:
+        return [f"{file.stem}{suffix}" for suffix in (".png", ".jpg", *IMAGE_SUFFIXES)]
+    posix = name.replace("\\", "/")
+    return [posix, posix.rpartition("/")[2] or posix]
 
 
 def _photograph_path(record: dict[str, Any], file: Path, where: str, folder: Path) -> Path:
@@ -117,15 +127,19 @@ def _photograph_path(record: dict[str, Any], file: Path, where: str, folder: Pat
 def _berry(
     entry: dict[str, Any], size: tuple[int, int], where: str, class_map: ClassMap | None
 ) -> FoundBerry | None:
-    name = entry.get("category", entry.get("category_name"))
-    if isinstance(name, str):
+    name = next((entry[field] for field in NAME_FIELDS if isinstance(entry.get(field), str)), None)
+    if name is not None:
         class_index = classify(name, class_map, where)
     else:
         index = str(integer(entry.get("category_id"), f"{where}: category_id"))
         class_index = classify(index, class_map, where)
     if class_index is None:
         return None
-    fields = {name: value for name, value in entry.items() if name not in BERRY_FIELDS}
+    fields = {field: value for field, value in entry.items() if field not in BERRY_FIELDS}
+    if name is not None:
+        fields["category_name"] = name
+    if isinstance(entry.get("ripeness"), str):  # ours is a number
+        del fields["ripeness"]
     fields |= {"bbox": _box(entry, size, where), "iscrowd": entry.get("iscrowd", 0)}
     if entry.get("segmentation"):
         fields["segmentation"] = entry["segmentation"]
@@ -142,7 +156,13 @@ def _box(entry: dict[str, Any], size: tuple[int, int], where: str) -> list[float
     if mode in (BOX_MODES["XYXY_REL"], BOX_MODES["XYWH_REL"]):
         height, width = size
         a, b, c, d = a * width, b * height, c * width, d * height
-    return [a, b, c, d] if mode in (BOX_MODES["XYWH_ABS"], BOX_MODES["XYWH_REL"]) else [a, b, c - a, d - b]
+    if mode in (BOX_MODES["XYWH_ABS"], BOX_MODES["XYWH_REL"]):
+        return [a, b, c, d]
+    if c < a or d < b:
+        raise FileFormatError(
+            f"{where}: bbox {entry['bbox']} is no x0, y0, x1, y1; if it is x, y, width, height, bbox_mode must be 1"
+        )
+    return [a, b, c - a, d - b]
 
 
 def _box_mode(given: Any, where: str) -> int:
@@ -179,7 +199,8 @@ def _keypoints(given: Any, where: str) -> dict[str, Any]:
             raise FileFormatError(f"{where}: visibility must be 0 … 3, got {code}")
         codes.append(code)
         table += [*point[:2], 1 if code == Visibility.HIDDEN_BY_OTHER else code]
-    return {"keypoints": table, "visibility_detail": codes}
+    # As in COCO, none at all means that nobody marked them.
+    return {"keypoints": table, "visibility_detail": codes} if any(codes) else {}
 
 
 def _named(given: dict[str, Any], name: str, where: str) -> list[Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import math
 from collections.abc import Iterator
@@ -14,12 +15,13 @@ import numpy as np
 
 from punnet.data.assembling import FoundBerry, FoundImage, assemble
 from punnet.data.class_names import ClassMap, classify, same_name
-from punnet.data.dataset import Dataset
+from punnet.data.dataset import STAGES, Dataset
 from punnet.data.psd import PLUCKABLE_RIPENESS, psd_fields
 from punnet.data.reading import (
     beside,
     find_image_folder,
     image_size,
+    integer,
     number,
     read_json,
     read_text,
@@ -31,9 +33,10 @@ from punnet.scene import PLUCKABLE, UNPLUCKABLE
 __all__ = ["is_via", "read_via"]
 
 CSV_FIELDS = ("filename", "region_shape_attributes", "region_attributes")
-# Where a class may stand; ripeness first, as PSD has it.
-CLASS_ATTRIBUTES = ("degree_of_ripeness", "ripeness", "class", "label", "type", "name", "category")
+# Attributes that may hold one of PSD's codes 0 … 4, and those that may name a class, the first that is given.
+CODE_ATTRIBUTES = ("degree_of_ripeness", "ripeness")
 HARDNESS_ATTRIBUTE = "hardness_of_picking"
+NAME_ATTRIBUTES = ("class", "label", "ripeness", "degree_of_ripeness", "stage", "type", "name", "category")
 CODES = ("0", "1", "2", "3", "4")
 CORNERS_OF_A_CURVE = 32
 
@@ -51,11 +54,11 @@ class Region:
 def read_via(
     path: str | Path, image_folder: str | Path | None = None, *, class_map: ClassMap | None = None
 ) -> Dataset:
-    """Read a VIA file; polygons, rectangles, circles and ellipses are outlines.
+    """Read a VIA file; polygons, circles and ellipses are outlines, rectangles boxes without a mask.
 
     The class is in an attribute of the region: ``Degree of Ripeness`` or ``ripeness`` with PSD's codes (2 and 3 are
-    pluckable), or one of these or class, label, type, name, category with a name. VIA does not keep image sizes, so
-    the photographs are opened.
+    pluckable), or else a name in class, label, ripeness, stage, type, name or category. VIA does not keep image sizes,
+    so the photographs are opened.
 
     Parameters
     ----------
@@ -110,10 +113,7 @@ def _photograph(
         if found is None:
             continue
         class_index, fields = found
-        fields |= {
-            "segmentation": [_outline(region.shape, region.where)],
-            "via_attributes": region.attributes,
-        }
+        fields |= {**_outline(region.shape, region.where), "via_attributes": region.attributes}
         berries.append(FoundBerry(class_index, fields, region.where))
     return FoundImage(photograph, width, height, berries, f"{file}: {name}")
 
@@ -121,18 +121,23 @@ def _photograph(
 def _class_of(region: Region, class_map: ClassMap | None) -> tuple[int, dict[str, Any]] | None:
     """Class and what else ripeness tells; None to leave the region out."""
     said = {same_name(name): _value(value) for name, value in region.attributes.items()}
-    attribute = next((key for key in CLASS_ATTRIBUTES if said.get(key)), None)
-    if attribute is None:
-        raise FileFormatError(
-            f"{region.where}: nothing tells its class; one of the attributes {', '.join(CLASS_ATTRIBUTES)} is needed"
-        )
-    name = said[attribute]
-    fields: dict[str, Any] = {}
-    if "ripeness" in attribute and name in CODES:
-        hardness = said.get(HARDNESS_ATTRIBUTE)
-        fields = psd_fields(int(name), int(hardness) if hardness in CODES else None, region.where)
-        if name not in (class_map or {}):
-            return (PLUCKABLE if int(name) in PLUCKABLE_RIPENESS else UNPLUCKABLE), fields
+    code = next((said[key] for key in CODE_ATTRIBUTES if said.get(key, "").isdecimal()), None)
+    if code is not None:
+        hardness = said.get(HARDNESS_ATTRIBUTE) or None
+        known = None if hardness is None else integer(hardness, f"{region.where}: Hardness of Picking")
+        fields = psd_fields(integer(code, f"{region.where}: ripeness"), known, region.where)
+        if code not in {same_name(given) for given in class_map or {}}:
+            return (PLUCKABLE if int(code) in PLUCKABLE_RIPENESS else UNPLUCKABLE), fields
+        name = code
+    else:
+        found = next((said[key] for key in NAME_ATTRIBUTES if said.get(key)), None)
+        if found is None:
+            raise FileFormatError(
+                f"{region.where}: nothing tells its class; one of the attributes Degree of Ripeness, "
+                f"{', '.join(NAME_ATTRIBUTES)} is needed"
+            )
+        name = found
+        fields = {"stage": same_name(name)} if same_name(name) in STAGES else {}
     class_index = classify(name, class_map, region.where)
     return None if class_index is None else (class_index, fields)
 
@@ -145,8 +150,8 @@ def _value(value: Any) -> str:
     return "" if value is None else str(value).strip()
 
 
-def _outline(shape: dict[str, Any], where: str) -> list[float]:
-    """Polygon x, y, x, y … of any of VIA's shapes."""
+def _outline(shape: dict[str, Any], where: str) -> dict[str, Any]:
+    """Box or polygon, as COCO has it, of any of VIA's shapes."""
     kind = shape.get("name")
 
     def field(name: str) -> float:
@@ -156,10 +161,10 @@ def _outline(shape: dict[str, Any], where: str) -> list[float]:
         us, vs = shape.get("all_points_x"), shape.get("all_points_y")
         if not isinstance(us, list) or not isinstance(vs, list) or len(us) != len(vs):
             raise FileFormatError(f"{where}: all_points_x and all_points_y must be lists of one length")
-        return [number(value, f"{where}: a corner") for pair in zip(us, vs, strict=True) for value in pair]
+        pairs = zip(us, vs, strict=True)
+        return {"segmentation": [[number(value, f"{where}: a corner") for pair in pairs for value in pair]]}
     if kind == "rect":
-        x, y, width, height = (field(name) for name in ("x", "y", "width", "height"))
-        return [x, y, x + width, y, x + width, y + height, x, y + height]
+        return {"bbox": [field(name) for name in ("x", "y", "width", "height")]}
     if kind in ("circle", "ellipse"):
         rx, ry = (field("r"), field("r")) if kind == "circle" else (field("rx"), field("ry"))
         turn = number(shape.get("theta") or 0.0, f"{where}: theta")
@@ -167,21 +172,23 @@ def _outline(shape: dict[str, Any], where: str) -> list[float]:
         along, across = rx * np.cos(angles), ry * np.sin(angles)
         us = field("cx") + along * math.cos(turn) - across * math.sin(turn)
         vs = field("cy") + along * math.sin(turn) + across * math.cos(turn)
-        corners: list[float] = np.column_stack((us, vs)).ravel().tolist()
-        return corners
+        return {"segmentation": [np.column_stack((us, vs)).ravel().tolist()]}
     raise FileFormatError(f"{where}: shape {kind!r:.40} is no outline; polygon, rect, circle, ellipse are")
 
 
 def _csv_regions(path: Path) -> Iterator[tuple[str, Region | None]]:
     """File name and region, a row each; None for a photograph without any."""
     try:
-        rows = csv.DictReader(read_text(path).splitlines())
+        # Version 1 begins its first line with a #.
+        rows = csv.DictReader(io.StringIO(read_text(path).removeprefix("#"), newline=""))
         missing = set(CSV_FIELDS) - set(rows.fieldnames or ())
         if missing:
             raise FileFormatError(f"{path}: not VIA's CSV; columns {', '.join(sorted(missing))} are missing")
         for row in rows:
             where = f"{path}, line {rows.line_num}"
             name = row["filename"]
+            if not name:
+                raise FileFormatError(f"{where}: the cell 'filename' is empty")
             shape = _object(row["region_shape_attributes"], where)
             attributes = _object(row["region_attributes"], where)
             yield name, Region(name, shape, attributes, where) if shape else None
