@@ -59,7 +59,7 @@ def _curves(
                 drawn += 1
     axes.grid(alpha=0.3)
     if drawn:
-        axes.legend(fontsize=8, loc="upper right")
+        axes.legend(fontsize=8, loc="best")
     else:
         _nothing(axes)
 
@@ -89,7 +89,7 @@ def _confusion(axes: Axes, title: str, confusion: Confusion | None) -> None:
 
 
 def _found(axes: Axes, title: str, shares: Sequence[FoundShare]) -> None:
-    axes.set(title=title, ylim=(0, 1.02))
+    axes.set(title=title, ylim=(0, 1.12))
     known = [share for share in shares if share.berries]
     if not known:
         _nothing(axes)
@@ -104,7 +104,7 @@ def _found(axes: Axes, title: str, shares: Sequence[FoundShare]) -> None:
         for share in known
     ]
     axes.set_xticks(places, labels, fontsize=8)
-    axes.legend(fontsize=8, loc="upper left")
+    axes.legend(fontsize=8, loc="upper left", ncols=2)
     axes.grid(axis="y", alpha=0.3)
 
 
