@@ -66,7 +66,8 @@ def convert(
     else:
         say(f"wrote {out}: {len(dataset)} images, {berries} annotations")
     if left_out:
-        note(f"{len(left_out)} images or annotations left out")
+        entries = {(fault.annotation_id is None, fault.position) for fault in faults}
+        note(f"{len(entries) + len(bad)} images or annotations left out")
         raise typer.Exit(1)
 
 

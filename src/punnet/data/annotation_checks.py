@@ -87,6 +87,8 @@ def _box(annotation: dict[str, Any], around: Surroundings) -> Iterator[Finding]:
         return
     box = numbers_of(annotation["bbox"], 4)
     if box is None:
+        if lacks_number(annotation["bbox"]):
+            return
         yield "bad-box", f"bbox is {annotation['bbox']!r:.60}; four numbers [x, y, width, height] are needed"
         return
     left, top, width, height = box

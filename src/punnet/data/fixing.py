@@ -67,12 +67,13 @@ def fix_coco(raw: RawCoco) -> tuple[dict[str, Any], list[Change]]:
         identity = annotation.get("image_id")
         image = images.get(identity) if isinstance(identity, int | str) else None
         around = Surroundings.of(image, categories, graded=raw.is_graded)
+        found = {code for code, _ in check_annotation(annotation, around)}
         for code, mend in _MENDERS:
-            # Each on what the one before has left; what has no such fault is not even formatted anew.
-            if code in {found for found, _ in check_annotation(annotation, around)}:
-                message = mend(annotation, around)
-                if message is not None:
-                    changes.append(Change(code, annotation.get("id"), message))
+            # What has no such fault is not even formatted anew.
+            message = mend(annotation, around) if code in found else None
+            if message is not None:
+                changes.append(Change(code, annotation.get("id"), message))
+                found = {code for code, _ in check_annotation(annotation, around)}
     return data, changes
 
 

@@ -72,8 +72,11 @@ def _guess(path: Path) -> str:
     """The format; also of a COCO file whose JSON is not strict."""
     try:
         return guess_format(path)
-    except FileFormatError:
-        open_raw_coco(path)
+    except FileFormatError as error:
+        try:
+            open_raw_coco(path)
+        except FileFormatError:
+            raise error from None
         return "coco"
 
 
