@@ -14,7 +14,7 @@ from punnet.bundle import Bundle, Manifest, load_bundle
 from punnet.errors import BundleError, ConfigurationError
 from punnet.perception.decoding import decode_detections
 from punnet.perception.network import Network
-from punnet.scene import Frame, Strawberries
+from punnet.scene import UNPLUCKABLE, Frame, Strawberries
 
 __all__ = ["DETECTOR_FILE", "DETECTOR_SCHEMA", "MODEL_FILE", "DetectorSettings", "LearnedDetector", "prepare"]
 
@@ -120,11 +120,13 @@ class LearnedDetector:
         Of the bundle: name, licence, results.
     score_threshold
         Score from which detections are given; the bundle's own if None.
+    least_ripeness
+        Berries that look less ripe are unpluckable, whatever class the network gives them.
 
     Raises
     ------
     ConfigurationError
-        If the score threshold is not in [0, 1).
+        If the score threshold or the ripeness is not in [0, 1).
     """
 
     def __init__(
@@ -133,6 +135,7 @@ class LearnedDetector:
         settings: DetectorSettings,
         manifest: Manifest,
         score_threshold: float | None = None,
+        least_ripeness: float = 0.0,
     ) -> None:
         self.settings = settings
         self.manifest = manifest
@@ -140,6 +143,9 @@ class LearnedDetector:
         self.score_threshold = settings.score_threshold if score_threshold is None else score_threshold
         if not 0 <= self.score_threshold < 1:
             raise ConfigurationError(f"detector: score_threshold must lie in [0, 1), got {score_threshold}")
+        if not 0 <= least_ripeness < 1:
+            raise ConfigurationError(f"detector: least_ripeness must lie in [0, 1), got {least_ripeness}")
+        self.least_ripeness = least_ripeness
         self._network = network
 
     @classmethod
@@ -149,6 +155,7 @@ class LearnedDetector:
         *,
         threads: int | None = None,
         score_threshold: float | None = None,
+        least_ripeness: float = 0.0,
     ) -> LearnedDetector:
         """Load a bundle of kind ``detector``.
 
@@ -160,6 +167,8 @@ class LearnedDetector:
             Cores to use; None takes ``OMP_NUM_THREADS``, or all cores if that is not set.
         score_threshold
             Score from which detections are given; the bundle's own if None.
+        least_ripeness
+            Berries that look less ripe are unpluckable, whatever class the network gives them.
 
         Raises
         ------
@@ -174,7 +183,7 @@ class LearnedDetector:
             bundle.read_json(DETECTOR_FILE), where=str(bundle.path(DETECTOR_FILE))
         )
         network = Network(bundle.path(MODEL_FILE), threads)
-        return cls(network, settings, bundle.manifest, score_threshold)
+        return cls(network, settings, bundle.manifest, score_threshold, least_ripeness)
 
     def detect(self, frame: Frame) -> Strawberries:
         """Berries of ``frame``, best first, in its own pixels; depth is not looked at."""
@@ -182,7 +191,9 @@ class LearnedDetector:
         raw = self._network.run(image, self.score_threshold)
         if len(raw) == 0:
             return Strawberries.empty((frame.height, frame.width))
-        return decode_detections(raw, size, (frame.height, frame.width), self.settings.mask_threshold)
+        found = decode_detections(raw, size, (frame.height, frame.width), self.settings.mask_threshold)
+        ripe_enough = found.ripeness >= self.least_ripeness
+        return found.with_fields(classes=np.where(ripe_enough, found.classes, UNPLUCKABLE))
 
 
 def prepare(

@@ -9,9 +9,12 @@ from numpy.typing import NDArray
 from punnet.geometry import back_project, transform_points
 from punnet.scene import KEYPOINTS, Frame, Strawberries
 
-__all__ = ["berry_axis_depth", "locate_picking_points"]
+__all__ = ["PICKING_HEIGHT", "berry_axis_depth", "locate_picking_points"]
 
-_PICKING_POINT = KEYPOINTS.index("picking_point")
+PICKING_HEIGHT = 0.014
+"""Metres above the calyx, along the fruit's axis, at which the stem is gripped; the blade runs 6 mm higher."""
+
+_PICKING_POINT, _TOP, _BOTTOM = (KEYPOINTS.index(name) for name in ("picking_point", "top", "bottom"))
 _LEAST_READINGS = 20
 _FRONT_PERCENTILE = 10.0
 _LEAST_LEVEL = 0.5  # cosine of the steepest pitch at which upright planes are used
@@ -21,8 +24,10 @@ _LARGEST_HALF_DEPTH = 0.025  # metres; a mask that is wider than any berry must 
 def locate_picking_points(frame: Frame, berries: Strawberries) -> Strawberries:
     """Fill in ``picking_points`` (N, 3), metres in the base frame; NaN where depth or the key-point is missing.
 
-    The stem is too thin for the depth camera. It is taken to rise plumb from the middle of the fruit: the picking
-    point is where the key-point's line of sight meets the upright plane through that middle which faces the camera.
+    The stem is too thin for the depth camera. The fruit's axis is taken to lie in the upright plane through its middle
+    that faces the camera: top and bottom are where their lines of sight meet it, and the stem is gripped
+    :data:`PICKING_HEIGHT` above the top along that axis. The calyx is located several times as closely as a point on a
+    bare stem, so the picking point's own line of sight is used only where top or bottom is unknown.
 
     Parameters
     ----------
@@ -41,14 +46,24 @@ def locate_picking_points(frame: Frame, berries: Strawberries) -> Strawberries:
     ):
         for index in range(len(berries)):
             mask = berries.masks[index]
-            pixel = berries.keypoints[index, _PICKING_POINT]
             depth = berry_axis_depth(frame, mask)
-            if np.isfinite(depth) and np.isfinite(pixel).all():
+            if np.isfinite(depth):
                 v, u = np.nonzero(mask)
                 middle = back_project(frame.camera, (u.mean(), v.mean()), np.asarray(depth))
-                sight = back_project(frame.camera, pixel, np.asarray(depth))
-                points[index] = _on_upright_plane(frame.T_base_camera, sight, middle)
+                sights = back_project(frame.camera, berries.keypoints[index], np.full(len(KEYPOINTS), depth))
+                points[index] = _picking_point(frame.T_base_camera, sights, middle)
     return berries.with_fields(picking_points=points)
+
+
+def _picking_point(
+    T_base_camera: NDArray[np.float64], sights: NDArray[np.float64], middle: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Point (3,) on the stem, from what lies on the key-points' lines of sight (5, 3) in the camera frame."""
+    top, bottom = (_on_upright_plane(T_base_camera, sights[which], middle) for which in (_TOP, _BOTTOM))
+    length = float(np.linalg.norm(top - bottom))
+    if not length > 0.0:  # NaN where one of them is unknown
+        return _on_upright_plane(T_base_camera, sights[_PICKING_POINT], middle)
+    return np.asarray(top + PICKING_HEIGHT * (top - bottom) / length)
 
 
 def _on_upright_plane(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from punnet.geometry import CameraIntrinsics, invert_transform, project, transform_points
+from punnet.perception.picking_points import PICKING_HEIGHT
 from punnet.scene import KEYPOINTS, PLUCKABLE, UNPLUCKABLE, Frame, Strawberries, Visibility
 from punnet.sim.cluster import Cluster
 from punnet.sim.layers import PLANT_VISUAL, SCENERY
@@ -29,9 +30,6 @@ __all__ = [
     "true_picking_points",
     "true_strawberries",
 ]
-
-PICKING_HEIGHT = 0.014
-"""Metres above the calyx at which the stem is gripped; the blade runs 6 mm higher."""
 
 LEAST_PIXELS = 30
 """A berry of which less shows is not there."""
