@@ -110,7 +110,7 @@ def _allowed(annotation: Annotation, *, tells_what_hides: bool) -> NDArray[np.bo
 
 def to_targets(labels: Labels) -> dict[str, Tensor]:
     """Labels as the network's targets."""
-    known = np.isfinite(labels.keypoints).all(axis=2)
+    known = np.asarray(np.isfinite(labels.keypoints).all(axis=2))
     points = np.concatenate((np.where(known[..., None], labels.keypoints, 0.0), known[..., None]), axis=2)
     return {
         "boxes": torch.from_numpy(labels.boxes).float(),
