@@ -60,13 +60,13 @@ def fix_coco(raw: RawCoco) -> tuple[dict[str, Any], list[Change]]:
         for image in data["images"]
         if isinstance(image, dict) and isinstance(image.get("id"), int | str)
     }
-    categories = frozenset(category_names(data))
+    categories, graded = frozenset(category_names(data)), raw.is_graded
     annotations = [annotation for annotation in data["annotations"] if isinstance(annotation, dict)]
     _renumber(annotations, changes)
     for annotation in annotations:
         identity = annotation.get("image_id")
         image = images.get(identity) if isinstance(identity, int | str) else None
-        around = Surroundings.of(image, categories, graded=raw.is_graded)
+        around = Surroundings.of(image, categories, graded=graded)
         found = {code for code, _ in check_annotation(annotation, around)}
         for code, mend in _MENDERS:
             # What has no such fault is not even formatted anew.

@@ -97,7 +97,7 @@ def _annotations(raw: RawCoco) -> Iterator[Fault]:
         for image in raw.images
         if isinstance(image, dict) and isinstance(image.get("id"), int | str)
     }
-    names = category_names(raw.data)
+    categories, graded = frozenset(category_names(raw.data)), raw.is_graded
     seen: set[Any] = set()
     for position, annotation in enumerate(raw.annotations):
         if not isinstance(annotation, dict):
@@ -129,6 +129,6 @@ def _annotations(raw: RawCoco) -> Iterator[Fault]:
                 f"image_id {image_id!r:.40} is not among the images; add the image, or remove the annotation"
             )
             yield Fault("unlisted-image", message, **where)
-        around = Surroundings.of(image, frozenset(names), graded=raw.is_graded)
+        around = Surroundings.of(image, categories, graded=graded)
         for code, message in check_annotation(annotation, around):
             yield Fault(code, message, **where)
