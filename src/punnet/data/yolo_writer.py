@@ -180,7 +180,7 @@ def _outline(
     elif mask is not None and mask.any():
         parts = _trace(mask)
         if len(parts) > 1:
-            losses["mask of several parts, joined by lines"] += 1
+            losses["mask of several parts or with holes, joined by lines without width"] += 1
         corners = _joined(parts)
     else:
         losses["without mask, its box written as an outline"] += 1
@@ -191,12 +191,12 @@ def _outline(
 
 
 def _trace(mask: NDArray[np.bool_]) -> list[NDArray[np.float64]]:
-    """Outlines (n, 2) of the parts of a mask, along the edges of its pixels; holes are filled."""
+    """Outlines (n, 2) of the parts of a mask and of the holes in them, along the edges of its pixels."""
     columns, rows = np.flatnonzero(mask.any(axis=0)), np.flatnonzero(mask.any(axis=1))
     left, top = int(columns[0]), int(rows[0])
     part = mask[top : rows[-1] + 1, left : columns[-1] + 1].astype(np.uint8)
     large = cv2.resize(part, None, fx=FINER, fy=FINER, interpolation=cv2.INTER_NEAREST)
-    found, _ = cv2.findContours(large, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    found, _ = cv2.findContours(large, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     outlines = []
     for contour in found:
         thinned = cv2.approxPolyDP(contour, THINNING * FINER, closed=True).reshape(-1, 2)
@@ -208,7 +208,11 @@ def _trace(mask: NDArray[np.bool_]) -> list[NDArray[np.float64]]:
 
 
 def _joined(parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """One outline through all parts: to the nearest corner of the next one, around it and back."""
+    """One outline through all parts: to the nearest corner of the next one, around it and back.
+
+    Filled as a polygon is, where an odd number of edges lies to one side, the ways there and back cancel out, and holes
+    stay open.
+    """
     whole, *rest = sorted(parts, key=len, reverse=True)
     for part in rest:
         distances = np.linalg.norm(whole[:, None] - part[None], axis=2)
