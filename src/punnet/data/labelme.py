@@ -158,7 +158,7 @@ def _keypoints(shapes: list[Shape]) -> dict[str, Any]:
 
 def _outline(shapes: list[Shape], size: tuple[int, int]) -> dict[str, Any]:
     """Box, polygons or run lengths, as COCO has them, of the parts of one berry."""
-    kinds = {shape.get("shape_type") or "polygon" for shape, _ in shapes}
+    kinds = {str(shape.get("shape_type") or "polygon") for shape, _ in shapes}
     if "rectangle" in kinds and len(shapes) == 1:
         return {"bbox": _box(*shapes[0])}
     if "mask" not in kinds and "rectangle" not in kinds:
