@@ -169,10 +169,12 @@ def test_view_writes_sheets(punnet, folder: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_view_serves_until_it_is_stopped(folder: Path, number: int) -> None:
-    command = [sys.executable, "-m", "punnet", "data", "view", str(folder), "--serve", "--port", "0"]
     # A background job of a shell ignores Ctrl-C, and so would what it starts.
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    with subprocess.Popen(command, preexec_fn=_hear_interrupts, **pipes) as process:
+    program = (
+        "import signal as s; s.signal(s.SIGINT, s.default_int_handler); from punnet.cli import main; main()"
+    )
+    command = [sys.executable, "-c", program, "data", "view", str(folder), "--serve", "--port", "0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None
             assert process.stderr is not None
@@ -223,7 +225,3 @@ def test_nothing_of_use_is_said(punnet, tmp_path: Path) -> None:
     ):
         punnet("data", command[0], tmp_path / "notes.txt", *command[1:]).fails_with("notes.txt", "format")
     punnet("data", "validate", tmp_path / "notes.txt").fails_with("notes.txt")
-
-
-def _hear_interrupts() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
