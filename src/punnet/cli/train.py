@@ -7,6 +7,7 @@ import os
 import re
 import sys
 from collections.abc import Callable
+from enum import StrEnum
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -26,6 +27,13 @@ DATA_HELP = (
     "A labelled set: a file or folder that punnet data can read, then if wanted: weight=2 (drawn twice as often), "
     "scale=0.5-1.2 (sizes it is shown in), split=LIST.json:train, all behind commas. May be given more than once."
 )
+
+
+class Accelerator(StrEnum):
+    """What a training process calculates on."""
+
+    CPU = "cpu"
+    GPU = "gpu"
 
 
 def register(app: typer.Typer) -> None:
@@ -60,6 +68,9 @@ def detector(
     threads: Annotated[
         int | None, typer.Option("--threads", min=1, help="Of each process; all cores if not given.")
     ] = None,
+    accelerator: Annotated[
+        Accelerator, typer.Option("--accelerator", help="What calculates.")
+    ] = Accelerator.CPU,
     as_json: Json = False,
 ) -> None:
     """Train a detector: masks, five key-points with visibility, ripeness. Runs that were stopped go on."""
@@ -78,6 +89,7 @@ def detector(
             start=start,
             processes=processes,
             threads=threads,
+            accelerator="gpu" if accelerator is Accelerator.GPU else "cpu",
         ),
         whisper,
     )

@@ -59,7 +59,7 @@ def classify(name: str, class_map: ClassMap | None, where: str) -> int | None:
     if wanted not in KNOWN:
         raise FileFormatError(
             f"{where}: class '{name}' is not known; say what it means, for instance "
-            f"class_map={{'{name}': 'pluckable'}} (or 'unpluckable', 'ignore')"
+            f"class_map={{'{name}': 'pluckable'}} or --class-map '{name}=pluckable' (or unpluckable, ignore)"
         )
     return KNOWN[wanted]
 

@@ -100,8 +100,18 @@ class Progress(Callback):
             self.tell(f"step {step} of {steps}: loss {float(outputs['loss']):.2f}, {minutes:.0f} min left")
 
 
+class _Bar(RichProgressBar):
+    """A bar from one validation to the next."""
+
+    def _get_train_description(self, current_epoch: int) -> str:
+        steps = self.trainer.max_steps
+        return (
+            f"to step {min((current_epoch + 1) * int(self.trainer.num_training_batches), steps)} of {steps}"
+        )
+
+
 def progress(tell: Tell) -> Callback:
     """A bar on a terminal, lines elsewhere."""
     if sys.stderr.isatty():
-        return RichProgressBar(refresh_rate=5, console_kwargs={"stderr": True})
+        return _Bar(refresh_rate=5, console_kwargs={"stderr": True})
     return Progress(tell)

@@ -12,10 +12,10 @@ from torch import Tensor
 from punnet.train.detector.config import DetectorConfig, DetectorTraining, config_to_json
 from punnet.train.detector.network import BerryDetector
 
-__all__ = ["DetectorModule"]
+__all__ = ["VALIDATED", "DetectorModule", "rate_at"]
 
 Batch = tuple[Tensor, list[dict[str, Tensor]]]
-VALIDATED = "validation/mask_ap50"
+VALIDATED = "validation/mask_ap"
 
 
 class DetectorModule(lightning.LightningModule):

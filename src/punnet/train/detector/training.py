@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import lightning
 import torch
@@ -69,6 +69,8 @@ class TrainingRun:
         Of each process; None for PyTorch's choice.
     loaders
         Processes that prepare samples, for each training process.
+    accelerator
+        ``cpu``, or ``gpu`` for one GPU a process.
     """
 
     folder: Path
@@ -79,6 +81,7 @@ class TrainingRun:
     processes: int = 1
     threads: int | None = None
     loaders: int = 1
+    accelerator: Literal["cpu", "gpu"] = "cpu"
 
 
 def train_detector(
@@ -101,7 +104,7 @@ def train_detector(
     Raises
     ------
     ConfigurationError
-        If the folder holds another run, the sources have no images, or ``run.start`` does not fit.
+        If the folder holds another run, the sources have no images, ``run.start`` does not fit, or there is no GPU.
     OutputError
         If the folder can't be written.
     Interrupted
@@ -110,6 +113,8 @@ def train_detector(
     tell = _say_nothing if tell is None else tell
     settings = _settings(config, training, run)
     claimed = _is_claimed(run.folder, settings)
+    if run.accelerator == "gpu" and not torch.cuda.is_available():
+        raise ConfigurationError("--accelerator gpu: PyTorch sees no GPU here; leave the option out")
     if run.threads is not None:
         torch.set_num_threads(run.threads)
     sources, validated = open_sources(run.sources), _validation_images(run)
@@ -246,7 +251,7 @@ def _trainer(
             callbacks.append(EarlyStopping(VALIDATED, mode="max", patience=training.patience))
     callbacks.append(ModelCheckpoint(run.folder / CHECKPOINTS, save_last=True, save_on_train_epoch_end=True))
     return lightning.Trainer(
-        accelerator="cpu",
+        accelerator=run.accelerator,
         devices=run.processes,
         strategy="ddp" if run.processes > 1 else "auto",
         max_steps=training.steps,

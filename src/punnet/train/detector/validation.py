@@ -43,11 +43,12 @@ class TorchNetwork:
 
     def run(self, image: NDArray[np.uint8], score_threshold: float) -> RawDetections:
         """Detections of an image (1, H, W, 3), best first."""
+        device = next(self.graph.parameters()).device
         with torch.no_grad():
-            outputs = self.graph(torch.from_numpy(image), torch.tensor(score_threshold))
-        values = [
-            output.float().numpy() if output.is_floating_point() else output.numpy() for output in outputs
-        ]
+            outputs = self.graph(
+                torch.from_numpy(image).to(device), torch.tensor(score_threshold, device=device)
+            )
+        values = [(o.float() if o.is_floating_point() else o).cpu().numpy() for o in outputs]
         return RawDetections.from_outputs(dict(zip(OUTPUTS, values, strict=True)), image, "network")
 
 
