@@ -16,6 +16,7 @@ from punnet.perception.evaluation import Evaluation, EvaluationSettings, evaluat
 from punnet.perception.evaluation_folder import read_evaluation, write_evaluation
 from punnet.perception.evaluation_tables import tables_of_evaluation
 from punnet.perception.metrics import ScoreSettings
+from punnet.perception.picking_points import PICKING_HEIGHT
 from punnet.scene import Strawberries, Visibility
 from tests.perception.annotated import CAMERA, SIZE, ToldDetector, found, image_of, set_of, square
 
@@ -86,9 +87,12 @@ def test_picking_point_in_space_needs_depth_and_pose(tmp_path: Path) -> None:
     rows = run(set_of(image), answers).to_json()["keypoint_errors"]
     space = [row for row in rows if row["keypoint"] == "picking_point in space"]
     assert [row["berries"] for row in space] == ["all", "pluckable"]
-    # The axis is taken to lie at most 25 mm behind the surface: 0.525 m instead of 0.55 along the line of sight.
-    sight = np.array([(40 - 39.5) / 100, (19 - 29.5) / 100, 1.0])
-    assert space[0]["millimetres"]["median"] == pytest.approx(25 * np.linalg.norm(sight), abs=0.1)
+    # The fruit's axis is taken to lie 25 mm behind the surface, and the stem to be gripped above the top, pixel (40, 25).
+    grip = 0.525 * np.array([0.5 / 100, -4.5 / 100, 1.0]) - np.array([0.0, PICKING_HEIGHT, 0.0])
+    annotated = 0.55 * np.array([0.5 / 100, -10.5 / 100, 1.0])
+    assert space[0]["millimetres"]["median"] == pytest.approx(
+        1000 * np.linalg.norm(grip - annotated), abs=0.1
+    )
 
 
 def test_confusions_and_what_is_found(two_images: Dataset) -> None:
