@@ -31,6 +31,8 @@ class Trunk(nn.Module):
         Of every map.
     levels
         Names of the maps, fine to coarse.
+    finer
+        Channels by name of the maps finer than the pyramid's: ``image`` and ``fine``, of stride 1 and 2; or none.
     stem
         Names of the body's first stages, which stay as ImageNet left them: up to stride 4.
     mean, std
@@ -46,6 +48,7 @@ class Trunk(nn.Module):
         pyramid: FeaturePyramidNetwork | None,
         channels: int,
         levels: tuple[str, ...],
+        finer: dict[str, int],
         stem: tuple[str, ...],
         mean: tuple[float, float, float],
         std: tuple[float, float, float],
@@ -55,6 +58,7 @@ class Trunk(nn.Module):
         self.pyramid = pyramid
         self.channels = channels
         self.levels = levels
+        self.finer = finer
         self.stem = stem
         self.register_buffer("mean", torch.tensor(mean).reshape(1, 3, 1, 1), persistent=False)
         self.register_buffer("std", torch.tensor(std).reshape(1, 3, 1, 1), persistent=False)
@@ -66,10 +70,13 @@ class Trunk(nn.Module):
                 parameter.requires_grad_(False)
 
     def forward(self, images: Tensor) -> OrderedDict[str, Tensor]:
-        """Maps by level name of images (B, 3, H, W) in 0…255."""
-        maps = self.body((images - self.mean) / self.std)
-        named = OrderedDict(zip(self.levels, maps.values() if isinstance(maps, dict) else maps, strict=True))
-        return named if self.pyramid is None else self.pyramid(named)
+        """Maps by name of images (B, 3, H, W) in 0…255: the levels, and the finer ones if there are any."""
+        pixels = (images - self.mean) / self.std
+        found = self.body(pixels)
+        maps = list(found.values() if isinstance(found, dict) else found)
+        finer = OrderedDict(image=pixels, fine=maps.pop(0)) if self.finer else OrderedDict[str, Tensor]()
+        named = OrderedDict(zip(self.levels, maps, strict=True))
+        return (named if self.pyramid is None else self.pyramid(named)) | finer
 
 
 def build_trunk(config: DetectorConfig) -> Trunk:
@@ -81,35 +88,49 @@ def build_trunk(config: DetectorConfig) -> Trunk:
         return _mobilenet(config)
     residual = resnet50 if name == "resnet50_fpn" else resnext101_32x8d
     network = residual(weights="DEFAULT" if config.pretrained else None)
+    finer = _finer(config, 64)
+    stages = {"relu": "fine"} if finer else {}
     if name == "resnext101_32x8d_c4":
-        body = IntermediateLayerGetter(network, {"layer3": "c4"})
-        return Trunk(body, None, 1024, ("c4",), RESIDUAL_STEM, IMAGENET_MEAN, IMAGENET_STD)
-    body = IntermediateLayerGetter(network, {f"layer{k}": f"p{k + 1}" for k in range(1, 5)})
+        body = IntermediateLayerGetter(network, stages | {"layer3": "c4"})
+        return Trunk(body, None, 1024, ("c4",), finer, RESIDUAL_STEM, IMAGENET_MEAN, IMAGENET_STD)
+    body = IntermediateLayerGetter(network, stages | {f"layer{k}": f"p{k + 1}" for k in range(1, 5)})
     pyramid = FeaturePyramidNetwork([256, 512, 1024, 2048], config.channels)
-    return Trunk(body, pyramid, config.channels, LEVELS, RESIDUAL_STEM, IMAGENET_MEAN, IMAGENET_STD)
+    return Trunk(body, pyramid, config.channels, LEVELS, finer, RESIDUAL_STEM, IMAGENET_MEAN, IMAGENET_STD)
+
+
+def _finer(config: DetectorConfig, channels: int) -> dict[str, int]:
+    """The finer maps of a body whose map of stride 2 has so many channels."""
+    return {"image": 3, "fine": channels} if config.fine_channels else {}
 
 
 def _lite0(config: DetectorConfig) -> Trunk:
     import timm
 
+    finer = _finer(config, 16)
     body: Any = timm.create_model(
-        "efficientnet_lite0", features_only=True, out_indices=(1, 2, 3, 4), bn_eps=1e-3, pretrained=False
+        "efficientnet_lite0",
+        features_only=True,
+        out_indices=(0, 1, 2, 3, 4) if finer else (1, 2, 3, 4),
+        bn_eps=1e-3,
+        pretrained=False,
     )
     if config.pretrained:
         load_imagenet_lite0(body)
-    pyramid = FeaturePyramidNetwork(body.feature_info.channels(), config.channels)
+    pyramid = FeaturePyramidNetwork(body.feature_info.channels()[-4:], config.channels)
     middle = (127.0, 127.0, 127.0)
     stem = ("conv_stem", "bn1", "blocks.0", "blocks.1")
-    return Trunk(body, pyramid, config.channels, LEVELS, stem, middle, (128.0, 128.0, 128.0))
+    return Trunk(body, pyramid, config.channels, LEVELS, finer, stem, middle, (128.0, 128.0, 128.0))
 
 
 def _mobilenet(config: DetectorConfig) -> Trunk:
     network = mobilenet_v3_large(weights="DEFAULT" if config.pretrained else None)
-    # The last layers before each halving: strides 4, 8, 16, 32.
-    body = IntermediateLayerGetter(network.features, {"3": "p2", "6": "p3", "12": "p4", "15": "p5"})
+    finer = _finer(config, 16)
+    # The last layers before each halving: strides 2 (if finer maps are asked for), 4, 8, 16, 32.
+    stages = ({"1": "fine"} if finer else {}) | {"3": "p2", "6": "p3", "12": "p4", "15": "p5"}
+    body = IntermediateLayerGetter(network.features, stages)
     pyramid = FeaturePyramidNetwork([24, 40, 112, 160], config.channels)
     stem = ("0", "1", "2", "3")
-    return Trunk(body, pyramid, config.channels, LEVELS, stem, IMAGENET_MEAN, IMAGENET_STD)
+    return Trunk(body, pyramid, config.channels, LEVELS, finer, stem, IMAGENET_MEAN, IMAGENET_STD)
 
 
 def load_imagenet_lite0(body: nn.Module) -> None:

@@ -57,9 +57,12 @@ class DetectorConfig:
         Widths of the convolutions of those heads.
     mask_layers, keypoint_layers
         How many 3×3 convolutions they have.
+    fine_channels
+        Width of the layers that refine masks by finer maps (the backbone's at stride 2, the image itself), and
+        heat-maps by the pyramid's; 0 for heads without, as Mask R-CNN has them.
     region_size
         Cells along a side of what the mask head sees; its mask has twice as many. The key-point head sees half as
-        many and its heat-maps have twice as many.
+        many; its heat-maps have as many, or twice as many if refined.
     region_margin
         By what share the boxes are enlarged, about their centre, before masks and key-points are read off them.
     proposals_training, proposals
@@ -80,6 +83,7 @@ class DetectorConfig:
     mask_layers: int = 3
     keypoint_channels: int = 64
     keypoint_layers: int = 3
+    fine_channels: int = 32
     region_size: int = 28
     region_margin: float = 0.12
     proposals_training: int = 300
@@ -94,7 +98,7 @@ class DetectorConfig:
             raise ConfigurationError(
                 f"detector: backbone must be one of {', '.join(BACKBONES)}, got {self.backbone!r}"
             )
-        _require_positive(self, "detector", but={"region_margin"})
+        _require_positive(self, "detector", but={"region_margin", "fine_channels"})
         if self.region_size % 4:
             raise ConfigurationError(f"detector: region_size must be a multiple of 4, got {self.region_size}")
         if self.positive_share > 1 or self.region_margin < 0:
@@ -117,6 +121,7 @@ class DetectorConfig:
                 "mask_layers": 4,
                 "keypoint_channels": 512,
                 "keypoint_layers": 8,
+                "fine_channels": 0,
                 "proposals_training": 1000,
                 "proposals": 1000,
                 "regions_an_image": 512,

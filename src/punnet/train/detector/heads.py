@@ -30,36 +30,60 @@ class MaskHead(nn.Module):
     """Region features (N, C, R, R) to mask logits (N, 2R, 2R).
 
     One mask whatever the class: a berry's outline does not depend on its ripeness, and so both classes teach it.
+    Outlines finer than the pyramid's cells are drawn from finer maps: the backbone's at stride 2, and the image.
+
+    Parameters
+    ----------
+    config
+        Widths.
+    inputs
+        Channels of the region features.
+    finer
+        Channels of the finer maps together; 0 if there are none.
     """
 
-    def __init__(self, config: DetectorConfig, inputs: int) -> None:
+    def __init__(self, config: DetectorConfig, inputs: int, finer: int) -> None:
         super().__init__()
         width = config.mask_channels
+        outputs = config.fine_channels or width
         self.convolutions = _convolutions(inputs, width, config.mask_layers)
-        self.upsampling = nn.ConvTranspose2d(width, width, 2, stride=2)
-        self.output = nn.Conv2d(width, 1, 1)
+        self.upsampling = nn.ConvTranspose2d(width, outputs, 2, stride=2)
+        self.refinement = _convolutions(outputs + finer, outputs, 2 if config.fine_channels else 0)
+        self.output = nn.Conv2d(outputs, 1, 1)
         _initialise(self)
 
-    def forward(self, regions: Tensor) -> Tensor:
-        """Mask logits (N, 1, 2R, 2R)."""
-        logits: Tensor = self.output(F.relu(self.upsampling(self.convolutions(regions))))
+    def forward(self, regions: Tensor, finer: list[Tensor]) -> Tensor:
+        """Mask logits (N, 1, 2R, 2R), of region features and of finer maps (N, ·, 2R, 2R)."""
+        drawn = F.relu(self.upsampling(self.convolutions(regions)))
+        logits: Tensor = self.output(self.refinement(torch.cat((drawn, *finer), dim=1)))
         return logits
 
 
 class KeypointHead(nn.Module):
-    """Region features (N, C, R, R) to heat-map logits (N, 5, R, R) and what the attribute head reads."""
+    """Region features (N, C, R, R) to heat-map logits and what the attribute head reads.
+
+    Seen with half the cells, so that a point that is hidden can be told from all that is around it. With
+    ``fine_channels``, refined at all the cells, into maps (N, 5, 2R, 2R); without, maps are (N, 5, R, R).
+    """
 
     def __init__(self, config: DetectorConfig, inputs: int) -> None:
         super().__init__()
-        width = config.keypoint_channels
+        width, fine = config.keypoint_channels, config.fine_channels
         self.convolutions = _convolutions(inputs, width, config.keypoint_layers)
-        self.output = nn.ConvTranspose2d(width, len(KEYPOINTS), 4, stride=2, padding=1)
+        if fine:
+            self.upsampling = nn.ConvTranspose2d(width, fine, 4, stride=2, padding=1)
+            self.refinement = _convolutions(fine + inputs, fine, 1)
+        self.output = nn.ConvTranspose2d(fine or width, len(KEYPOINTS), 4, stride=2, padding=1)
+        self.refines = fine > 0
         _initialise(self)
 
     def forward(self, regions: Tensor) -> tuple[Tensor, Tensor]:
-        """Heat-map logits (N, 5, R, R), and features (N, C', R/2, R/2)."""
+        """Heat-map logits, and features (N, C', R/2, R/2)."""
         features = self.convolutions(F.avg_pool2d(regions, 2))
-        return self.output(features), features
+        maps = features
+        if self.refines:
+            maps = self.refinement(torch.cat((F.relu(self.upsampling(features)), regions), dim=1))
+        return self.output(maps), features
 
 
 class AttributeHead(nn.Module):

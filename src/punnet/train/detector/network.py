@@ -45,7 +45,7 @@ class BerryDetector(nn.Module):
         # The finest map is for outlines; anchors on it would cost more than all others together.
         coarse = levels[1:] if len(levels) > 1 else levels
         self.proposals = _proposals(config, self.trunk.channels, coarse)
-        self.heads = _region_heads(config, self.trunk.channels, coarse, levels[:1])
+        self.heads = _region_heads(config, self.trunk, coarse, levels[:1])
 
     def forward(self, images: Tensor, targets: list[dict[str, Tensor]] | None = None) -> Any:
         """Losses by term (training) or one dictionary of detections an image.
@@ -98,8 +98,9 @@ def _proposals(config: DetectorConfig, channels: int, levels: tuple[str, ...]) -
 
 
 def _region_heads(
-    config: DetectorConfig, channels: int, levels: tuple[str, ...], fine: tuple[str, ...]
+    config: DetectorConfig, trunk: Trunk, levels: tuple[str, ...], outlined: tuple[str, ...]
 ) -> BerryRegionHeads:
+    channels, cells = trunk.channels, 2 * config.region_size
     return BerryRegionHeads(
         MultiScaleRoIAlign(list(levels), BOX_CELLS, sampling_ratio=2),
         TwoMLPHead(channels * BOX_CELLS**2, config.box_units),
@@ -112,11 +113,12 @@ def _region_heads(
         score_thresh=LEAST_SCORE,
         nms_thresh=0.5,
         detections_per_img=config.detections,
-        mask_roi_pool=MultiScaleRoIAlign(list(fine), config.region_size, sampling_ratio=1),
-        mask_head=MaskHead(config, channels),
+        mask_roi_pool=MultiScaleRoIAlign(list(outlined), config.region_size, sampling_ratio=1),
+        mask_head=MaskHead(config, channels, sum(trunk.finer.values())),
         mask_predictor=nn.Identity(),
         keypoint_head=KeypointHead(config, channels),
         margin=config.region_margin,
+        fine_pools=[MultiScaleRoIAlign([name], cells, sampling_ratio=1) for name in trunk.finer],
         attribute_head=AttributeHead(config),
     )
 

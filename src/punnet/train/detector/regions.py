@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torchvision.models.detection.roi_heads import (
     RoIHeads,
     fastrcnn_loss,
@@ -13,7 +13,7 @@ from torchvision.models.detection.roi_heads import (
     maskrcnn_loss,
 )
 from torchvision.models.detection.rpn import RegionProposalNetwork
-from torchvision.ops import box_area
+from torchvision.ops import MultiScaleRoIAlign, box_area
 
 from punnet.train.detector.heads import AttributeHead, ripeness_loss, visibility_loss
 
@@ -75,10 +75,16 @@ class BerryRegionHeads(RoIHeads):  # type: ignore[misc]
     """
 
     def __init__(
-        self, *arguments: Any, margin: float, attribute_head: AttributeHead, **settings: Any
+        self,
+        *arguments: Any,
+        margin: float,
+        fine_pools: list[MultiScaleRoIAlign],
+        attribute_head: AttributeHead,
+        **settings: Any,
     ) -> None:
         super().__init__(*arguments, **settings)
         self.margin = margin
+        self.fine_pools = nn.ModuleList(fine_pools)
         self.attribute_head = attribute_head
 
     def select_training_samples(self, proposals: list[Tensor], targets: list[Target] | None) -> Any:
@@ -119,14 +125,21 @@ class BerryRegionHeads(RoIHeads):  # type: ignore[misc]
         self, features: dict[str, Tensor], regions: list[Tensor], image_shapes: list[tuple[int, int]]
     ) -> dict[str, Tensor]:
         cells = self.mask_roi_pool(features, regions, image_shapes)
+        finer = self._finer(features, regions, image_shapes)
         heatmaps, deeper = self.keypoint_head(cells)
         visibility, ripeness = self.attribute_head(deeper)
         return {
-            "masks": torch.sigmoid(self.mask_head(cells))[:, 0],
+            "masks": torch.sigmoid(self.mask_head(cells, finer))[:, 0],
             "heatmaps": heatmaps,
             "visibility": torch.softmax(visibility, dim=-1),
             "ripeness": torch.sigmoid(ripeness),
         }
+
+    def _finer(
+        self, features: dict[str, Tensor], regions: list[Tensor], image_shapes: list[tuple[int, int]]
+    ) -> list[Tensor]:
+        """The finer maps over the regions, with as many cells as the mask has."""
+        return [pool(features, regions, image_shapes) for pool in self.fine_pools]
 
     def _losses(
         self,
@@ -154,7 +167,9 @@ class BerryRegionHeads(RoIHeads):  # type: ignore[misc]
         return {
             "classes": classes,
             "box": box,
-            "mask": self._mask_loss(cells, regions, berries, targets),
+            "mask": self._mask_loss(
+                cells, self._finer(features, regions, image_shapes), regions, berries, targets
+            ),
             "keypoint": keypointrcnn_loss(
                 heatmaps.float().contiguous(), regions, [t["keypoints"] for t in targets], berries
             ),
@@ -163,11 +178,17 @@ class BerryRegionHeads(RoIHeads):  # type: ignore[misc]
         }
 
     def _mask_loss(
-        self, cells: Tensor, regions: list[Tensor], berries: list[Tensor], targets: list[Target]
+        self,
+        cells: Tensor,
+        finer: list[Tensor],
+        regions: list[Tensor],
+        berries: list[Tensor],
+        targets: list[Target],
     ) -> Tensor:
         """Eq. 3.5 over the berries that have a mask; one mask for all classes."""
         outlined = [t["has_mask"][b] for t, b in zip(targets, berries, strict=True)]
-        logits = self.mask_head(cells[torch.cat(outlined)])
+        chosen = torch.cat(outlined)
+        logits = self.mask_head(cells[chosen], [one[chosen] for one in finer])
         loss: Tensor = maskrcnn_loss(
             logits.float(),
             [r[o] for r, o in zip(regions, outlined, strict=True)],

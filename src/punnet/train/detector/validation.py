@@ -9,6 +9,7 @@ import torch
 from numpy.typing import NDArray
 
 from punnet.data.dataset import AnnotatedImage
+from punnet.perception.comparing import truth_of_image
 from punnet.perception.decoding import decode_detections
 from punnet.perception.learned import DetectorSettings, prepare
 from punnet.perception.metrics import KEYPOINT_SIGMAS, DetectionScores, evaluate_detections
@@ -64,4 +65,4 @@ def score_network(network: BerryDetector, images: Sequence[AnnotatedImage]) -> D
             return Strawberries.empty(rgb.shape[:2])
         return decode_detections(raw, size, (rgb.shape[0], rgb.shape[1]), settings.mask_threshold)
 
-    return evaluate_detections((image.berries() for image in images), map(found, images))
+    return evaluate_detections((truth_of_image(image)[0] for image in images), map(found, images))
