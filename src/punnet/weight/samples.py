@@ -1,0 +1,256 @@
+"""Berries with a known weight, as cameras saw them: what weight estimators are trained and judged on."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from punnet.data.dataset import AnnotatedImage, Dataset
+from punnet.errors import ConfigurationError, PunnetError, ShapeError
+from punnet.perception.detector import Detector
+from punnet.scene import PLUCKABLE, Strawberries
+from punnet.weight.observation import BerryObservation, observe
+
+__all__ = [
+    "LEAST_OVERLAP",
+    "NOT_FOUND",
+    "WeightSamples",
+    "WeightSplit",
+    "collect_samples",
+    "join_samples",
+    "split_groups",
+]
+
+LEAST_OVERLAP = 0.5
+"""Least intersection over union at which a detector's mask is that of an annotated berry."""
+
+NOT_FOUND = "not found by the detector"
+
+
+@dataclass(frozen=True, eq=False)
+class WeightSamples:
+    """N berries with a known weight, each as one image shows it.
+
+    Parameters
+    ----------
+    observations
+        N, what an estimator may see.
+    grams
+        (N,) true weights.
+    groups
+        N names of plants; splits never part a group.
+    occlusion
+        (N,) share of the fruit's outline that something else hides, as annotated; NaN unknown.
+    distance
+        (N,) metres, median depth of the berry's points.
+    image, annotation
+        (N,) ids in the data set.
+    refused
+        How many weighed berries could not be observed, by reason.
+    skipped
+        Why images were left out, one line each.
+
+    Raises
+    ------
+    ShapeError
+        If lengths differ.
+    """
+
+    observations: tuple[BerryObservation, ...]
+    grams: NDArray[np.float64]
+    groups: tuple[str, ...]
+    occlusion: NDArray[np.float64]
+    distance: NDArray[np.float64]
+    image: NDArray[np.int64]
+    annotation: NDArray[np.int64]
+    refused: dict[str, int] = field(default_factory=dict)
+    skipped: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        lengths = {
+            name: len(getattr(self, name))
+            for name in ("observations", "grams", "groups", "occlusion", "distance", "image", "annotation")
+        }
+        if len(set(lengths.values())) != 1:
+            raise ShapeError(f"weight samples: fields differ in length: {lengths}")
+
+    def __len__(self) -> int:
+        return len(self.observations)
+
+    def subset(self, indices: Iterable[int] | NDArray[np.integer[Any]]) -> WeightSamples:
+        """The samples at ``indices``, in that order; what was refused or skipped is left behind."""
+        chosen = [int(index) for index in indices]
+        return WeightSamples(
+            observations=tuple(self.observations[index] for index in chosen),
+            grams=self.grams[chosen],
+            groups=tuple(self.groups[index] for index in chosen),
+            occlusion=self.occlusion[chosen],
+            distance=self.distance[chosen],
+            image=self.image[chosen],
+            annotation=self.annotation[chosen],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class WeightSplit:
+    """Three parts that share no plant."""
+
+    train: WeightSamples
+    validation: WeightSamples
+    test: WeightSamples
+
+
+def collect_samples(
+    dataset: Dataset,
+    *,
+    detector: Detector | None = None,
+    progress: Callable[[], None] | None = None,
+) -> WeightSamples:
+    """Observe the ripe berries of known weight of a data set.
+
+    Berries marked as crowd, without a weight, or unpluckable are no samples. Images that can't be read are skipped.
+
+    Parameters
+    ----------
+    dataset
+        With depth, cameras and weights.
+    detector
+        Whose masks, key-points and ripeness are observed, matched to the annotated masks (:data:`LEAST_OVERLAP`); the
+        annotated ones if None.
+    progress
+        Called after each image.
+    """
+    rows: list[tuple[BerryObservation, AnnotatedImage, int]] = []
+    refused: Counter[str] = Counter()
+    skipped: list[str] = []
+    for image in dataset:
+        try:
+            for index, seen in _observed(image, detector):
+                if isinstance(seen, str):
+                    refused[seen] += 1
+                else:
+                    rows.append((seen, image, index))
+        except PunnetError as error:
+            skipped.append(str(error))
+        if progress is not None:
+            progress()
+    annotations = [image.annotations[index] for _, image, index in rows]
+    return WeightSamples(
+        observations=tuple(seen for seen, _, _ in rows),
+        grams=np.array([annotation.weight for annotation in annotations], dtype=np.float64),
+        groups=tuple(image.group or f"image-{image.id}" for _, image, _ in rows),
+        occlusion=np.array([annotation.occlusion for annotation in annotations], dtype=np.float64),
+        distance=np.array([np.median(seen.cloud[:, 2]) for seen, _, _ in rows], dtype=np.float64),
+        image=np.array([image.id for _, image, _ in rows], dtype=np.int64),
+        annotation=np.array([annotation.id for annotation in annotations], dtype=np.int64),
+        refused=dict(refused),
+        skipped=tuple(skipped),
+    )
+
+
+def join_samples(parts: Sequence[WeightSamples]) -> WeightSamples:
+    """All samples of several data sets; a group that two of them name alike stays one group.
+
+    Raises
+    ------
+    ConfigurationError
+        If there are no parts.
+    """
+    if not parts:
+        raise ConfigurationError("weight samples: nothing to join")
+    refused: Counter[str] = Counter()
+    for part in parts:
+        refused.update(part.refused)
+    return WeightSamples(
+        observations=tuple(seen for part in parts for seen in part.observations),
+        groups=tuple(group for part in parts for group in part.groups),
+        refused=dict(refused),
+        skipped=tuple(line for part in parts for line in part.skipped),
+        **{
+            name: np.concatenate([getattr(part, name) for part in parts])
+            for name in ("grams", "occlusion", "distance", "image", "annotation")
+        },
+    )
+
+
+def split_groups(
+    samples: WeightSamples, *, test: float = 0.2, validation: float = 0.1, seed: int = 0
+) -> WeightSplit:
+    """Part samples by plant.
+
+    Where a plant goes is told by its name and ``seed`` alone: it stays there whatever else is in the set, whichever
+    masks it is seen through, and however many of its berries were refused. Shares are met on average.
+
+    Raises
+    ------
+    ConfigurationError
+        If the shares leave nothing to train on, or a part is empty.
+    """
+    if not (test >= 0 and validation >= 0 and test + validation < 1):
+        raise ConfigurationError(
+            f"split: test and validation must be shares that leave some to train on, got {test}, {validation}"
+        )
+    places = np.array([_place(group, seed) for group in samples.groups])
+    parts = {
+        "test": places < test,
+        "validation": (places >= test) & (places < test + validation),
+        "train": places >= test + validation,
+    }
+    shares = {"test": test, "validation": validation, "train": 1.0}
+    if empty := [name for name, chosen in parts.items() if shares[name] > 0 and not chosen.any()]:
+        raise ConfigurationError(
+            f"split: {len(set(samples.groups))} plants are too few, nothing is left for {', '.join(empty)}; "
+            "give more images"
+        )
+    return WeightSplit(**{name: samples.subset(np.flatnonzero(chosen)) for name, chosen in parts.items()})
+
+
+def _place(group: str, seed: int) -> float:
+    """A number in [0, 1), even over groups."""
+    return int.from_bytes(hashlib.sha256(f"{seed}:{group}".encode()).digest()[:8], "big") / 2.0**64
+
+
+def _observed(image: AnnotatedImage, detector: Detector | None) -> list[tuple[int, BerryObservation | str]]:
+    """(index of the annotation, what is seen of it or why nothing is) of the weighed berries of an image."""
+    counted = [index for index, annotation in enumerate(image.annotations) if not annotation.crowd]
+    wanted = [
+        row
+        for row, index in enumerate(counted)
+        if image.annotations[index].class_index == PLUCKABLE and image.annotations[index].weight > 0
+    ]
+    if not wanted:
+        return []
+    frame, truth = image.frame(), image.berries()
+    if truth.masks is None:
+        return [(counted[row], "the annotation has no mask") for row in wanted]
+    if detector is None:
+        return [(counted[row], seen) for row, seen in zip(wanted, observe(frame, truth[wanted]), strict=True)]
+    found = detector.detect(frame)
+    match = _matches(truth, found)
+    hits = [row for row in wanted if match[row] >= 0]
+    seen_as = dict(zip(hits, observe(frame, found[[int(match[row]) for row in hits]]), strict=True))
+    return [(counted[row], seen_as.get(row, NOT_FOUND)) for row in wanted]
+
+
+def _matches(truth: Strawberries, found: Strawberries) -> NDArray[np.int64]:
+    """(T,) index of the detection of each annotated berry, −1 for none; the surest detections choose first."""
+    match = np.full(len(truth), -1, dtype=np.int64)
+    if truth.masks is None or found.masks is None or not len(found):
+        return match
+    annotated = truth.masks.reshape(len(truth), -1).astype(np.float32)
+    detected = found.masks.reshape(len(found), -1).astype(np.float32)
+    shared = detected @ annotated.T
+    either = detected.sum(axis=1)[:, None] + annotated.sum(axis=1)[None, :] - shared
+    overlaps = shared / np.maximum(either, 1.0)
+    for detection in np.argsort(-found.scores, kind="stable"):
+        candidates = np.where(match < 0, overlaps[detection], -1.0)
+        best = int(candidates.argmax())
+        if candidates[best] >= LEAST_OVERLAP:
+            match[best] = detection
+    return match
