@@ -16,22 +16,20 @@ import math
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from punnet.sim.berry import Berry, RipenessStage, make_berry
+from punnet.sim.berry import Berry, make_berry
 from punnet.sim.depth_sensor import StereoDepthModel
 from punnet.sim.panda_robot import SimulatedPanda
+from punnet.sim.ripeness import RipenessStage
 from punnet.sim.truth import true_strawberries
 from punnet.sim.world import build_world
 from punnet.weight import (
+    BerryObservation,
     EllipsoidConfig,
     EllipsoidEstimator,
-    berry_cloud,
-    hidden_share,
-    measure_silhouette,
+    observe,
     percent_correct_weight,
-    relief_height,
     weight_errors,
 )
-from punnet.weight.silhouette import tidy_mask
 
 
 def from_meshes(berries: int, rng: np.random.Generator) -> tuple[list[float], list[float], list[float]]:
@@ -65,26 +63,14 @@ def judge(seeds: range) -> dict[str, np.ndarray]:
         truth = true_strawberries(world, frame, robot.segment())
         robot.close()
         estimates = estimator.estimate(frame, truth)
-        assert frame.depth is not None
-        assert frame.camera is not None
-        assert truth.masks is not None
-        for i, identity in enumerate(truth.ids):
+        for i, (identity, seen) in enumerate(zip(truth.ids, observe(frame, truth), strict=True)):
             berry: Berry = world.cluster.berries[identity].berry
-            cloud = berry_cloud(frame.camera, frame.depth, truth.masks[i])
-            own = tidy_mask(truth.masks[i])
-            hidden = (
-                hidden_share(frame.depth, own, float(np.median(cloud[:, 2])) - 0.002) if len(cloud) else 1.0
-            )
-            gain = math.nan
-            if hidden <= 0.1 and len(cloud) > 200:
-                outline = measure_silhouette(frame.camera, own)
-                distance = float(np.median(np.linalg.norm(cloud, axis=1))) + 0.7 * berry.depth / 2
-                view = cloud @ outline.R_view_camera.T
-                across = view[:, :2] / view[:, 2:]
-                points = np.column_stack((across * distance, np.linalg.norm(cloud, axis=1)))
-                height = relief_height(points, outline.dome(across))
-                thickness = berry.volume / (2 / 3 * EllipsoidConfig.shape_factor * outline.area * distance**2)
-                gain = 2 * height / thickness
+            hidden, gain = 1.0, math.nan
+            if isinstance(seen, BerryObservation):
+                hidden = seen.hidden
+                if hidden <= 0.1 and len(seen.cloud) > 200:
+                    area = seen.outline.area * seen.scale**2
+                    gain = 2 * seen.relief / (berry.volume / (2 / 3 * EllipsoidConfig.shape_factor * area))
             ripe = float(berry.stage >= RipenessStage.RIPE)
             low, high = estimates.intervals[i]
             rows.append((berry.mass, estimates.grams[i], low, high, hidden, gain, ripe))

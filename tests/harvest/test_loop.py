@@ -10,8 +10,8 @@ from punnet.harvest.scenario import Scenario, Session
 from punnet.movement import JointTrajectory
 from punnet.perception.choosing import SIMULATION_DETECTOR
 from punnet.robot import CutResult, GripResult, MotionResult
-from punnet.sim.berry import RipenessStage
 from punnet.sim.cluster import ClusterConfig
+from punnet.sim.ripeness import RipenessStage
 from punnet.sim.world import WorldConfig
 
 PLANT = ClusterConfig(

@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 
 from punnet.errors import ShapeError
-from punnet.sim.berry import RipenessStage, make_berry
+from punnet.sim.berry import make_berry
 from punnet.sim.calyx import calyx_texture, make_calyx
 from punnet.sim.layers import COLLISION_ONLY
 from punnet.sim.mesh import Mesh
 from punnet.sim.mesh_assets import add_mesh_asset, add_texture_asset, smooth_normals
 from punnet.sim.noise import tiling_noise
+from punnet.sim.ripeness import RipenessStage
 from punnet.sim.scenery import SceneryLayout, add_scenery
 
 

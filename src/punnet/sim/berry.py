@@ -3,69 +3,35 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from punnet.errors import ConfigurationError
 from punnet.sim.berry_shape import BerryForm, BerryShape, draw_shape
-from punnet.sim.berry_texture import STAGE_SKINS, Skin, paint_berry
+from punnet.sim.berry_texture import Skin, paint_berry
 from punnet.sim.mesh import Mesh
+from punnet.sim.ripeness import RipenessStage, draw_red_share, draw_skin
 
-__all__ = [
-    "FORM_SHARES",
-    "Berry",
-    "BerryForm",
-    "RipenessStage",
-    "assemble_berry",
-    "draw_density",
-    "draw_mass",
-    "make_berry",
-]
+__all__ = ["MASS_RANGE", "Berry", "make_berry"]
 
 MEAN_MASS, MASS_SPREAD, MASS_RANGE = 18.6, 5.7, (4.8, 38.9)
 """Grams: mean, standard deviation and range of 368 weighed table-top berries (Tafuro et al., ICRA 2022)."""
 
-_MEAN_DENSITY, _DENSITY_SPREAD, _DENSITY_RANGE = (
-    0.92,
-    0.03,
-    (0.85, 1.0),
-)  # g/cm³; fruits float, hollow ones high
-FORM_SHARES = {BerryForm.CONIC: 0.6, BerryForm.GLOBOSE: 0.22, BerryForm.WEDGE: 0.18}
-"""How often each shape class grows."""
+_MEAN_DENSITY, _DENSITY_SPREAD, _DENSITY_RANGE = 0.92, 0.03, (0.85, 1.0)
+"""Grams per cubic centimetre; fruits float, hollow ones high."""
 
+_FORM_SHARES = {BerryForm.CONIC: 0.6, BerryForm.GLOBOSE: 0.22, BerryForm.WEDGE: 0.18}
 
-class RipenessStage(IntEnum):
-    """Stages of a berry's life, by colour."""
+# Length over width: (median, spread of its logarithm). Tuned so that outlines seen from all sides match real ones.
+_REDDENED_ELONGATION, _UNRIPE_ELONGATION = (1.32, 0.16), (1.29, 0.19)
 
-    GREEN = 0
-    WHITE = 1
-    TURNING = 2
-    RIPE = 3
-    OVERRIPE = 4
-    ROTTEN = 5
+# Length in metres of berries that still grow; later stages are drawn by mass, turning and rotten ones a little lighter.
+_GROWING_LENGTHS = {RipenessStage.GREEN: (0.008, 0.027), RipenessStage.WHITE: (0.018, 0.036)}
+_MASS_SHARES = {RipenessStage.TURNING: 0.9, RipenessStage.ROTTEN: 0.85}
 
-    @property
-    def ripeness(self) -> float:
-        """Share of the surface that is red, 0 to 1; what :attr:`Strawberries.ripeness` holds."""
-        return (0.0, 0.1, 0.5, 0.95, 1.0, 1.0)[self]
-
-    @property
-    def pluckable(self) -> bool:
-        """Whether it is picked: ripe, and neither over-ripe nor rotten, as the thesis has it (section 3.3.1)."""
-        return self is RipenessStage.RIPE
-
-
-# Length in metres of berries that still grow; later stages are drawn by mass, turning ones a little lighter.
-_GROWING_LENGTHS = {RipenessStage.GREEN: (0.014, 0.028), RipenessStage.WHITE: (0.024, 0.036)}
-_MASS_SHARE = {
-    RipenessStage.TURNING: 0.85,
-    RipenessStage.RIPE: 1.0,
-    RipenessStage.OVERRIPE: 1.0,
-    RipenessStage.ROTTEN: 0.9,
-}
+# Against the usual calyx for a fruit of the width.
+_CALYX_SIZES, _GREEN_CALYX_SIZES = (0.8, 1.45), (0.9, 1.7)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +44,8 @@ class Berry:
     ----------
     mesh
         Watertight, with texture coordinates.
-    stage, form
-        Ripeness and shape class.
+    stage
+        Ripeness.
     length, width, depth
         Extents along z, x and y.
     volume
@@ -100,7 +66,6 @@ class Berry:
 
     mesh: Mesh
     stage: RipenessStage
-    form: BerryForm
     length: float
     width: float
     depth: float
@@ -127,119 +92,60 @@ class Berry:
         return self.volume * 1e6 * self.density
 
 
-def make_berry(
-    rng: np.random.Generator,
-    stage: RipenessStage,
-    *,
-    form: BerryForm | None = None,
-    length: float | None = None,
-) -> Berry:
-    """Grow a berry, never the same twice.
+def make_berry(rng: np.random.Generator, stage: RipenessStage) -> Berry:
+    """Grow a berry of ``stage``, never the same twice.
 
-    Without ``length``, the mass of a ripe berry follows the measured distribution, 18.6 ± 5.7 g within
-    4.8…38.9 g, a turning one has 85% of such a mass, and white and green ones are drawn by length.
-
-    Parameters
-    ----------
-    rng
-        Source of all randomness.
-    stage
-        Ripeness, which sets colours and size.
-    form
-        Shape class; drawn if None.
-    length
-        Metres from the top of the shoulders to the tip; drawn if None.
-
-    Raises
-    ------
-    ConfigurationError
-        If ``length`` is not between 5 and 90 mm.
+    Shapes, sizes and colours are as varied as in photographs. A ripe berry's mass follows the measured distribution,
+    18.6 ± 5.7 g within 4.8…38.9 g, a turning one has 90% of such a mass and a rotten one 85%; white and green ones are
+    drawn by length. How much of the skin is red: :func:`punnet.sim.ripeness.draw_red_share`.
     """
-    if length is not None and not 0.005 <= length <= 0.09:
-        raise ConfigurationError(f"make_berry: length must be 0.005…0.09 m, got {length}")
-    if form is None:
-        forms = list(FORM_SHARES)
-        form = forms[rng.choice(len(forms), p=list(FORM_SHARES.values()))]
-    shape = draw_shape(rng, form)
+    forms = list(_FORM_SHARES)
+    form = forms[rng.choice(len(forms), p=list(_FORM_SHARES.values()))]
+    reddened = stage >= RipenessStage.TURNING
+    shape = draw_shape(rng, form, _REDDENED_ELONGATION if reddened else _UNRIPE_ELONGATION)
+    density = float(np.clip(rng.normal(_MEAN_DENSITY, _DENSITY_SPREAD), *_DENSITY_RANGE))
     unit = shape.mesh()
-    density = draw_density(rng)
-    scale = _draw_scale(rng, stage, unit, density, length)
-    return assemble_berry(
-        shape,
-        scale,
-        stage,
-        form=form,
-        density=density,
-        skin=STAGE_SKINS[stage],
-        ripeness=stage.ripeness,
-        paint_seed=int(rng.integers(2**63)),
-    )
-
-
-def assemble_berry(
-    shape: BerryShape,
-    scale: float,
-    stage: RipenessStage,
-    *,
-    form: BerryForm,
-    density: float,
-    skin: Skin,
-    ripeness: float,
-    paint_seed: int,
-    calyx_size: float = 1.0,
-) -> Berry:
-    """Put a berry together from all that there is to choose; draws nothing.
-
-    ``scale`` is metres for one unit of ``shape``; ``density`` is in g/cm³.
-    """
-    unit = shape.mesh()
+    scale = _draw_scale(rng, stage, unit, density)
     mesh = Mesh(unit.vertices * scale, unit.faces, unit.uv)
     centre, semi_axes = _fitted_ellipsoid(mesh)
-    extent = np.ptp(mesh.vertices, axis=0)
+    width, depth, length = (float(extent) for extent in np.ptp(mesh.vertices, axis=0))
+    ripeness = draw_red_share(rng, stage)
     return Berry(
         mesh=mesh,
         stage=stage,
-        form=form,
-        length=float(extent[2]),
-        width=float(extent[0]),
-        depth=float(extent[1]),
+        length=length,
+        width=width,
+        depth=depth,
         volume=mesh.volume,
         density=density,
         centre=centre,
         semi_axes=semi_axes,
         shape=shape,
         scale=scale,
-        skin=skin,
+        skin=draw_skin(rng, stage, ripeness),
         ripeness=ripeness,
-        calyx_size=calyx_size,
-        paint_seed=paint_seed,
+        paint_seed=int(rng.integers(2**63)),
+        calyx_size=float(
+            rng.uniform(*(_GREEN_CALYX_SIZES if stage is RipenessStage.GREEN else _CALYX_SIZES))
+        ),
         keypoints=_keypoints(shape, mesh, scale),
     )
 
 
-def draw_density(rng: np.random.Generator) -> float:
-    """Draw a berry's density, g/cm³."""
-    return float(np.clip(rng.normal(_MEAN_DENSITY, _DENSITY_SPREAD), *_DENSITY_RANGE))
+def _draw_scale(rng: np.random.Generator, stage: RipenessStage, unit: Mesh, density: float) -> float:
+    """Metres for one unit of the shape."""
+    if stage in _GROWING_LENGTHS:
+        return float(rng.uniform(*_GROWING_LENGTHS[stage]) / np.ptp(unit.vertices[:, 2]))
+    mass = _draw_ripe_mass(rng) * _MASS_SHARES.get(stage, 1.0)
+    return float(np.cbrt(mass * 1e-6 / density / unit.volume))
 
 
-def draw_mass(rng: np.random.Generator) -> float:
-    """Draw a ripe berry's grams from the measured distribution, 18.6 ± 5.7 g within 4.8…38.9 g."""
+def _draw_ripe_mass(rng: np.random.Generator) -> float:
+    """Grams, from the measured distribution."""
     mass = rng.normal(MEAN_MASS, MASS_SPREAD)
     while not MASS_RANGE[0] <= mass <= MASS_RANGE[1]:
         mass = rng.normal(MEAN_MASS, MASS_SPREAD)
     return float(mass)
-
-
-def _draw_scale(
-    rng: np.random.Generator, stage: RipenessStage, unit: Mesh, density: float, length: float | None
-) -> float:
-    """Metres for one unit of the shape."""
-    unit_length = float(np.ptp(unit.vertices[:, 2]))
-    if length is None and stage in _GROWING_LENGTHS:
-        length = float(rng.uniform(*_GROWING_LENGTHS[stage]))
-    if length is not None:
-        return length / unit_length
-    return float(np.cbrt(draw_mass(rng) * _MASS_SHARE[stage] * 1e-6 / density / unit.volume))
 
 
 def _fitted_ellipsoid(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

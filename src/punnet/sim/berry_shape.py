@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -111,8 +111,41 @@ _FORMS: dict[BerryForm, dict[str, tuple[float, float]]] = {
 }
 
 
-def draw_shape(rng: np.random.Generator, form: BerryForm) -> BerryShape:
-    """Draw a shape of the given form, of length about 1."""
+_ELONGATION_RANGE = (0.88, 1.95)
+
+
+def draw_shape(rng: np.random.Generator, form: BerryForm, elongation: tuple[float, float]) -> BerryShape:
+    """Draw a shape of the given form, of length about 1.
+
+    Parameters
+    ----------
+    rng
+        Source of all randomness.
+    form
+        Its class.
+    elongation
+        Length over width: median, and spread of its logarithm; kept within 0.88…1.95. Globose berries are rounder.
+    """
+    shape = _draw_form(rng, form)
+    median, spread = elongation
+    drawn = float(np.clip(median * np.exp(rng.normal(0.0, spread)), *_ELONGATION_RANGE))
+    if form is BerryForm.GLOBOSE:
+        drawn = max(_ELONGATION_RANGE[0], drawn * 0.88)
+    width = 1.0 / drawn
+    lobes = shape.lobes.copy()
+    lobes[:, 1] *= rng.uniform(0.6, 1.9)
+    return replace(
+        shape,
+        width=width,
+        depth=width * shape.depth / shape.width,
+        lobes=lobes,
+        taper=shape.taper * rng.uniform(0.75, 1.25),
+        bend=(shape.bend[0] * 1.5, shape.bend[1] * 1.5),
+    )
+
+
+def _draw_form(rng: np.random.Generator, form: BerryForm) -> BerryShape:
+    """Draw a regular berry of the form, from which :func:`draw_shape` departs."""
     ranges = _FORMS[form]
     width = rng.uniform(*ranges["width"])
     waves = np.array([2, 3, 4, 5, 7])

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from punnet.sim.berry_shape import BerryShape
 from punnet.sim.noise import tiling_noise
 
-__all__ = ["STAGE_SKINS", "TEXTURE_SIZE", "Skin", "paint_berry"]
+__all__ = ["TEXTURE_SIZE", "Skin", "paint_berry"]
 
 TEXTURE_SIZE = 256
 _SHAPE = (TEXTURE_SIZE, TEXTURE_SIZE)
@@ -45,19 +45,8 @@ class Skin:
     red: float
     gloss: float
     dimple: float
-    sunny: float = 0.16
+    sunny: float
     rot: float = 0.0
-
-
-STAGE_SKINS = (
-    Skin((190, 196, 112), (190, 196, 112), (206, 172, 74), 0.0, 0.2, 0.34),
-    Skin((226, 216, 158), (226, 216, 158), (196, 140, 70), 0.04, 0.22, 0.30),
-    Skin((240, 208, 142), (222, 50, 32), (220, 160, 78), 0.6, 0.5, 0.28),
-    Skin((232, 110, 64), (214, 20, 24), (228, 168, 70), 0.96, 0.9, 0.32),
-    Skin((150, 18, 22), (112, 6, 16), (176, 120, 54), 1.0, 0.55, 0.30),
-    Skin((150, 18, 22), (112, 14, 18), (150, 104, 56), 1.0, 0.15, 0.30, rot=0.5),
-)
-"""The skin of each ripeness stage, from green to rotten."""
 
 
 def paint_berry(rng: np.random.Generator, shape: BerryShape, scale: float, skin: Skin) -> NDArray[np.uint8]:
@@ -70,7 +59,7 @@ def paint_berry(rng: np.random.Generator, shape: BerryShape, scale: float, skin:
     shape, scale
         The surface and metres per unit of it: achenes are placed evenly on the real surface.
     skin
-        Its colours and marks; :data:`STAGE_SKINS` has one for each stage.
+        Its colours and marks.
     """
     theta, phi = _texel_angles()
     points = (shape.surface(theta, phi) * scale * 1000.0).astype(np.float32)  # millimetres

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,7 +9,8 @@ from numpy.typing import NDArray
 
 from punnet.errors import ConfigurationError
 from punnet.geometry import make_transform, rotation_from_vector
-from punnet.sim.berry import Berry, RipenessStage, make_berry
+from punnet.sim.berry import Berry, make_berry
+from punnet.sim.ripeness import RipenessStage
 from punnet.sim.truss import Truss, TrussStyle, grow_truss
 
 __all__ = ["STUB_LENGTH", "Cluster", "ClusterConfig", "HangingBerry", "HangingTruss", "grow_cluster"]
@@ -57,8 +57,6 @@ class ClusterConfig:
         How trusses grow.
     tilt
         Spread (radians) of how far a berry hangs out of the vertical.
-    grow_berry
-        What grows a berry of a stage.
     """
 
     trusses: tuple[int, int] = (3, 3)
@@ -72,7 +70,6 @@ class ClusterConfig:
     hanging_leaves: tuple[int, int] = (2, 4)
     style: TrussStyle = field(default_factory=TrussStyle)
     tilt: float = 0.09
-    grow_berry: Callable[[np.random.Generator, RipenessStage], Berry] = make_berry
 
     def __post_init__(self) -> None:
         for name in ("trusses", "berries", "canopy_leaves", "hanging_leaves"):
@@ -167,8 +164,7 @@ def _grow_with_room(
     shares = np.array([config.stage_shares[stage] for stage in stages])
     for berries in range(wanted, 0, -1):
         fruit = [
-            config.grow_berry(rng, stages[rng.choice(len(stages), p=shares / shares.sum())])
-            for _ in range(berries)
+            make_berry(rng, stages[rng.choice(len(stages), p=shares / shares.sum())]) for _ in range(berries)
         ]
         for _ in range(_ATTEMPTS):
             truss = grow_truss(rng, anchor, berries, config.style)

@@ -14,18 +14,17 @@ from numpy.typing import NDArray
 
 from punnet.geometry import CameraIntrinsics
 from punnet.sim.backdrops import FAR_VIEWS, NEAR_SURFACES, Painter
-from punnet.sim.berry import RipenessStage
 from punnet.sim.cluster import Cluster, ClusterConfig, grow_cluster
 from punnet.sim.layers import SCENERY, TOUCHES_NOTHING
 from punnet.sim.lighting import add_lights, add_varied_lights, set_render_quality
 from punnet.sim.mesh_assets import MeshAsset
 from punnet.sim.orientation import mujoco_quaternion
 from punnet.sim.plant import PlantedBerry, add_cluster, add_drawn_mesh, add_leaves, add_petiole, leaf_pose
+from punnet.sim.ripeness import RipenessStage
 from punnet.sim.scenery import SceneryLayout, add_gutter
 from punnet.sim.solids import Point, add_card, add_painted_material
 from punnet.sim.surroundings import add_surroundings
 from punnet.sim.truss import TrussStyle
-from punnet.sim.varied_berries import make_varied_berry
 
 __all__ = ["PHOTO_CAMERA", "PHOTO_INTRINSICS", "SETTINGS", "StillScene", "build_still_scene"]
 
@@ -140,7 +139,6 @@ def _draw_cluster_config(rng: np.random.Generator) -> ClusterConfig:
             pedicel_radius=float(rng.uniform(0.0008, 0.0012)),
         ),
         tilt=float(rng.uniform(0.05, 0.15) if rng.random() < 0.5 else rng.uniform(0.15, 0.6)),
-        grow_berry=make_varied_berry,
     )
 
 
