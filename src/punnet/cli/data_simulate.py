@@ -15,9 +15,23 @@ __all__ = ["simulate"]
 def simulate(
     out: OutFolder,
     images: Annotated[
-        int, typer.Option("--images", "-n", min=1, help="How many; three views a plant.")
-    ] = 300,
+        int | None,
+        typer.Option(
+            "--images",
+            "-n",
+            min=1,
+            help="How many; three views a plant. Without it 300, of dataset-1 1596.",
+            show_default=False,
+        ),
+    ] = None,
     seed: Seed = 0,
+    protocol: Annotated[
+        str,
+        typer.Option(
+            "--protocol",
+            help="varied: plants as different as can be. dataset-1: as the thesis' set of weighed berries.",
+        ),
+    ] = "varied",
     workers: Annotated[
         int, typer.Option("--workers", "-j", min=1, help="Processes that work at a time.")
     ] = 1,
@@ -31,7 +45,10 @@ def simulate(
     import time
 
     from punnet.sim.dataset_factory import simulate_dataset
+    from punnet.sim.protocols import protocol_of
 
+    kind = protocol_of(protocol)
+    images = images or kind.images
     started = time.monotonic()
     with progress_bar("images", images) as advance:
         shown = 0
@@ -46,6 +63,7 @@ def simulate(
             out,
             images=images,
             seed=seed,
+            protocol=kind.name,
             workers=workers,
             backend=backend,  # type: ignore[arg-type]  # the factory names what it knows
             force=force,

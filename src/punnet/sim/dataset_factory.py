@@ -18,6 +18,7 @@ import numpy as np
 
 from punnet.errors import ConfigurationError
 from punnet.sim.labelled_views import VIEWS, photograph
+from punnet.sim.protocols import VARIED, protocol_of
 from punnet.sim.rendering import CameraRenderer
 from punnet.sim.simulated_folder import (
     FactoryReport,
@@ -41,8 +42,9 @@ _RAY_BATCH = 16
 def simulate_dataset(
     folder: str | Path,
     *,
-    images: int,
+    images: int | None = None,
     seed: int,
+    protocol: str = VARIED.name,
     workers: int = 1,
     backend: Backend = "loky",
     force: bool = False,
@@ -56,9 +58,11 @@ def simulate_dataset(
         Holds ``annotations.json`` (COCO), ``rgb/*.jpg``, ``depth/*.png`` (16 bit, millimetres), ``camera.json`` and
         ``data.json`` (what made it). Made if it does not exist.
     images
-        How many; three views a plant, fewer of the last if it is no multiple of three.
+        How many; three views a plant, fewer of the last if it is no multiple of three. The protocol's number if None.
     seed
         Plants of different seeds are different, and so are their group names.
+    protocol
+        One of :data:`~punnet.sim.protocols.PROTOCOLS`.
     workers
         Processes (``loky``) or tasks at a time (``ray``).
     backend
@@ -75,6 +79,8 @@ def simulate_dataset(
     OutputExistsError
         If the folder is complete, was made with other settings, or was not made by Punnet.
     """
+    kind = protocol_of(protocol)
+    images = kind.images if images is None else images
     if images < 1 or workers < 1 or seed < 0:
         raise ConfigurationError(
             f"simulate: images and workers must be ≥ 1 and seed ≥ 0, got {images}, {workers}, {seed}"
@@ -84,7 +90,7 @@ def simulate_dataset(
     if backend == "ray":
         _register_ray()
     place = Path(folder).expanduser().absolute()
-    description = describe(images, seed)
+    description = describe(images, seed, kind)
     open_folder(place, description, force)
     plants = math.ceil(images / len(VIEWS))
     missing = [plant for plant in range(plants) if not is_finished(place, plant)]
@@ -94,7 +100,8 @@ def simulate_dataset(
     done = kept
     if progress is not None:
         progress(done)
-    for made in _run(place, seed, [(plant, _views_of(plant, images)) for plant in missing], workers, backend):
+    wanted = [(plant, _views_of(plant, images)) for plant in missing]
+    for made in _run(place, seed, kind.name, wanted, workers, backend):
         done += made
         if progress is not None:
             progress(done)
@@ -106,12 +113,12 @@ def _views_of(plant: int, images: int) -> int:
 
 
 def _run(
-    place: Path, seed: int, plants: list[tuple[int, int]], workers: int, backend: Backend
+    place: Path, seed: int, protocol: str, plants: list[tuple[int, int]], workers: int, backend: Backend
 ) -> Iterator[int]:
     """Make plants (number, views); yields how many images each has given, in the order in which they are done."""
     import joblib
 
-    tasks = [joblib.delayed(_make_plant)(str(place), seed, plant, views) for plant, views in plants]
+    tasks = [joblib.delayed(_make_plant)(str(place), seed, protocol, plant, views) for plant, views in plants]
     if backend == "ray":
         with joblib.parallel_config(backend="ray", n_jobs=workers):
             # Ray gives results only when all of a call are there: batches, so that there is progress.
@@ -146,12 +153,13 @@ def _worker_context() -> Any:
     return _render_context
 
 
-def _make_plant(place: str, seed: int, plant: int, views: int) -> int:
+def _make_plant(place: str, seed: int, protocol: str, plant: int, views: int) -> int:
     """Grow, photograph and label one plant; its shard is written last. Runs in a worker."""
-    folder, group = Path(place), f"plant-{seed}-{plant}"
+    kind = protocol_of(protocol)
+    folder, group = Path(place), f"{kind.group}-{seed}-{plant}"
     context = _worker_context()
-    rng = np.random.default_rng([seed, plant])
-    scene = build_still_scene(rng)
+    rng = np.random.default_rng([seed, plant, *kind.stream])
+    scene = build_still_scene(rng, kind)
     entries = []
     size = (PHOTO_INTRINSICS.width, PHOTO_INTRINSICS.height)
     with CameraRenderer(scene.model, *size, shared_context=context) as renderer:

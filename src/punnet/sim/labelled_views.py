@@ -81,7 +81,7 @@ def _aim(
 ) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.int32]]:
     """A pose from which something can be seen, with depth and geometry ids; the last one tried if none is good."""
     for _ in range(_ATTEMPTS):
-        target = int(rng.integers(scene.berries))
+        target = scene.targets[rng.integers(len(scene.targets))]
         T = draw_pose(scene, rng, view, target)
         scene.place_camera(T)
         depth, segmentation = renderer.render_geometry(scene.data, PHOTO_CAMERA)

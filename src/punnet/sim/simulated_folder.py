@@ -18,6 +18,7 @@ from punnet.errors import FileFormatError, OutputError, OutputExistsError
 from punnet.outputs import MARKER_FILE
 from punnet.scene import CLASSES, KEYPOINTS
 from punnet.sim.labelled_views import LabelledView
+from punnet.sim.protocols import VARIED, Protocol
 from punnet.sim.still_scene import PHOTO_INTRINSICS
 
 __all__ = ["FactoryReport", "complete", "describe", "is_finished", "open_folder", "write_shard", "write_view"]
@@ -65,13 +66,16 @@ class FactoryReport:
     megabytes: float
 
 
-def describe(images: int, seed: int) -> dict[str, Any]:
+def describe(images: int, seed: int, protocol: Protocol = VARIED) -> dict[str, Any]:
     """Write down what decides the bytes of the data set."""
+    kind = {} if protocol is VARIED else {"protocol": protocol.name}
+    options = "".join(f"--{name} {value} " for name, value in kind.items())
     return {
         "schema": SCHEMA,
-        "command": f"punnet data simulate --images {images} --seed {seed}",
+        "command": f"punnet data simulate {options}--images {images} --seed {seed}",
         "punnet": punnet.__version__,
         "generator": GENERATOR,
+        **kind,
         "images": images,
         "seed": seed,
         "complete": False,
@@ -93,9 +97,9 @@ def open_folder(place: Path, description: dict[str, Any], force: bool) -> None:
     if found is not None:
         if found.get("complete"):
             raise OutputExistsError(f"{place}: is complete; give another folder or --force to make it anew")
-        other = [name for name in description if description[name] != found.get(name)]
+        other = [name for name in {**description, **found} if description.get(name) != found.get(name)]
         if other:
-            was = ", ".join(f"{name} {found.get(name)!r}" for name in other)
+            was = ", ".join(f"{name} {found.get(name, 'not given')!r}" for name in other)
             raise OutputExistsError(
                 f"{place}: was begun with {was}; go on with the same, give another folder, or --force"
             )

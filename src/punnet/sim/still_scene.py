@@ -14,17 +14,16 @@ from numpy.typing import NDArray
 
 from punnet.geometry import CameraIntrinsics
 from punnet.sim.backdrops import FAR_VIEWS, NEAR_SURFACES, Painter
-from punnet.sim.cluster import Cluster, ClusterConfig, grow_cluster
+from punnet.sim.cluster import Cluster, grow_cluster
 from punnet.sim.layers import SCENERY, TOUCHES_NOTHING
 from punnet.sim.lighting import add_lights, add_varied_lights, set_render_quality
 from punnet.sim.mesh_assets import MeshAsset
 from punnet.sim.orientation import mujoco_quaternion
 from punnet.sim.plant import PlantedBerry, add_cluster, add_drawn_mesh, add_leaves, add_petiole, leaf_pose
-from punnet.sim.ripeness import RipenessStage
+from punnet.sim.protocols import VARIED, Protocol
 from punnet.sim.scenery import SceneryLayout, add_gutter
 from punnet.sim.solids import Point, add_card, add_painted_material
 from punnet.sim.surroundings import add_surroundings
-from punnet.sim.truss import TrussStyle
 
 __all__ = ["PHOTO_CAMERA", "PHOTO_INTRINSICS", "SETTINGS", "StillScene", "build_still_scene"]
 
@@ -36,15 +35,6 @@ SETTINGS = {"tunnel": 0.30, "gutter": 0.15, "bed": 0.33, "open": 0.22}
 """Share of each kind of surroundings: rows in a tunnel; a gutter before a painted view; film, straw or soil close
 behind the fruit; nothing but a painted view."""
 
-MOST_BERRIES = 12
-_STAGE_SHARES = {
-    RipenessStage.GREEN: 0.20,
-    RipenessStage.WHITE: 0.10,
-    RipenessStage.TURNING: 0.13,
-    RipenessStage.RIPE: 0.45,
-    RipenessStage.OVERRIPE: 0.06,
-    RipenessStage.ROTTEN: 0.06,
-}
 _LAYOUT = SceneryLayout()
 
 
@@ -56,6 +46,8 @@ class StillScene:
     ----------
     setting
         Which of :data:`SETTINGS` surrounds it.
+    targets
+        Indices of the berries that a camera may aim at.
     """
 
     model: mujoco.MjModel
@@ -63,6 +55,7 @@ class StillScene:
     cluster: Cluster
     planted: list[PlantedBerry]
     setting: str
+    targets: tuple[int, ...]
 
     @property
     def berries(self) -> int:
@@ -86,12 +79,13 @@ class StillScene:
         mujoco.mj_camlight(self.model, self.data)
 
 
-def build_still_scene(rng: np.random.Generator) -> StillScene:
-    """Grow a plant of 1 to 12 berries and put it somewhere: everything is drawn from ``rng``."""
+def build_still_scene(rng: np.random.Generator, protocol: Protocol = VARIED) -> StillScene:
+    """Grow a plant as ``protocol`` has it and put it somewhere: everything is drawn from ``rng``."""
     mujoco.set_mju_user_warning(lambda text: None)
-    cluster = grow_cluster(rng, _draw_cluster_config(rng))
-    while not cluster.berries:
-        cluster = grow_cluster(rng, _draw_cluster_config(rng))
+    cluster = grow_cluster(rng, protocol.draw_config(rng))
+    while not protocol.accepts(cluster):
+        cluster = grow_cluster(rng, protocol.draw_config(rng))
+    targets = protocol.draw_targets(rng, cluster)
     setting = str(rng.choice(list(SETTINGS), p=list(SETTINGS.values())))
     spec = mujoco.MjSpec()
     planted = add_cluster(spec, rng, cluster)
@@ -113,33 +107,7 @@ def build_still_scene(rng: np.random.Generator) -> StillScene:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_camlight(model, data)
-    return StillScene(model, data, cluster, planted, setting)
-
-
-def _draw_cluster_config(rng: np.random.Generator) -> ClusterConfig:
-    """A plant: how many trusses and berries, how dense, how leafy, how ripe."""
-    trusses = int(rng.integers(1, 5))
-    most = min(int(rng.integers(1, 7)), MOST_BERRIES // trusses)
-    half_width = trusses * rng.uniform(0.006, 0.038)
-    hanging, canopy = int(rng.integers(0, 8)), int(rng.integers(6, 35))
-    shares = {stage: share * rng.gamma(1.5) for stage, share in _STAGE_SHARES.items()}
-    shortest = rng.uniform(0.02, 0.06)
-    return ClusterConfig(
-        trusses=(trusses, trusses),
-        berries=(max(1, most - 2), most),
-        stage_shares=shares,
-        clearance=float(rng.uniform(0.75, 1.3)),
-        across=(-0.09 - half_width, -0.09 + half_width),
-        canopy_leaves=(canopy, canopy),
-        hanging_leaves=(hanging, hanging),
-        style=TrussStyle(
-            peduncle_length=(0.07, 0.17),
-            pedicel_length=(shortest, shortest + 0.06),
-            peduncle_radius=float(rng.uniform(0.0012, 0.0020)),
-            pedicel_radius=float(rng.uniform(0.0008, 0.0012)),
-        ),
-        tilt=float(rng.uniform(0.05, 0.15) if rng.random() < 0.5 else rng.uniform(0.15, 0.6)),
-    )
+    return StillScene(model, data, cluster, planted, setting, targets)
 
 
 def _tint_plant(spec: mujoco.MjSpec, rng: np.random.Generator) -> None:
