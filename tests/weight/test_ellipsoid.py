@@ -81,8 +81,7 @@ def test_weight_grows_with_the_cube_of_size_and_distance_together(scale: float) 
     frame, mask = ellipsoid_scene((0.0, 0.0, 0.4), HALF)
     assert frame.depth is not None
     larger = replace(frame, depth=frame.depth * np.float32(scale))
-    config = EllipsoidConfig(weight_limits=(0.01, 1000.0))
-    ratio = _grams(larger, one_berry(mask), config) / _grams(frame, one_berry(mask), config)
+    ratio = _grams(larger, one_berry(mask)) / _grams(frame, one_berry(mask))
     assert ratio == pytest.approx(scale**3, rel=1e-3)
 
 
@@ -195,10 +194,7 @@ def test_nonsense_never_raises_and_never_gives_a_wild_number(seed: int, fill: fl
     "setting",
     [
         {"density": 0.0},
-        {"weight_limits": (5.0, 1.0)},
-        {"least_pixels": 3},
         {"coverage": 1.0},
-        {"flatness": 1.0},
     ],
 )
 def test_settings_are_checked(setting: dict[str, object]) -> None:

@@ -8,14 +8,20 @@ from numpy.typing import NDArray
 
 from punnet.geometry import CameraIntrinsics, cloud_from_depth
 
-__all__ = ["berry_cloud", "depth_layer", "relief_height"]
+__all__ = ["LAYER_GAP", "LEAST_POINTS", "berry_points", "depth_layer", "relief_height"]
 
 LAYER_GAP = 0.012
 """Metres without a reading that part one thing from what is behind it (a berry's own points lie closer)."""
 
+LEAST_POINTS = 20
+"""Fewest points of a berry that is weighed."""
+
 _EDGE_PIXELS = 2
 _FEWEST_INSIDE = 40
 _LEAST_RELIEF_POINTS = 60
+_OUTLIER_SPREADS = 5.0
+_SMALLEST_OUTLIER = 0.004
+"""Metres off the surface that are never an outlier: a berry is no paraboloid, and stereo is noisy."""
 
 
 def depth_layer(depths: NDArray[np.floating]) -> tuple[float, float]:
@@ -35,24 +41,56 @@ def depth_layer(depths: NDArray[np.floating]) -> tuple[float, float]:
     return float(largest[0]), float(largest[-1])
 
 
-def berry_cloud(
+def berry_points(
     camera: CameraIntrinsics, depth: NDArray[np.float32], mask: NDArray[np.bool_]
-) -> NDArray[np.float64]:
-    """Camera-frame points (P, 3) of the berry under ``mask`` (H, W), without its edge and without outliers.
+) -> tuple[NDArray[np.float64], dict[str, int]]:
+    """Camera-frame points (P, 3) of the berry under ``mask`` (H, W), and how many pixels gave none, by reason.
 
-    Two pixels of the outline are left out, where stereo mixes the berry with what is behind it; then only the
-    layer of depth that holds most points is kept. May be empty.
+    * ``no reading``: the camera gave no depth there;
+    * ``edge``: two pixels of the outline, where stereo mixes the berry with what is behind or before it (kept where
+      the mask is so small that hardly anything would be left);
+    * ``other layer``: not in the layer of depth that holds most points;
+    * ``outlier``: off the smooth surface, a paraboloid, through the rest.
+
+    May be empty. The four numbers and P add up to the mask's pixels.
     """
-    inside = mask
-    eroded = cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8), iterations=_EDGE_PIXELS) > 0
-    if eroded.sum() >= _FEWEST_INSIDE:
-        inside = eroded
-    cloud = cloud_from_depth(camera, depth, np.asarray(inside))
-    if not len(cloud):
-        return cloud
-    nearest, farthest = depth_layer(cloud[:, 2])
+    read = mask & (depth > 0)
+    inside = np.asarray(
+        cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8), iterations=_EDGE_PIXELS) > 0
+    )
+    if inside.sum() < _FEWEST_INSIDE:
+        inside = mask
+    cloud = cloud_from_depth(camera, depth, inside & read)
+    dropped = {"no reading": int((mask & ~read).sum()), "edge": int((read & ~inside).sum())}
+    layer = _in_layer(cloud[:, 2])
+    smooth = _on_surface(cloud[layer])
+    dropped |= {"other layer": int((~layer).sum()), "outlier": int((~smooth).sum())}
+    return cloud[layer][smooth], dropped
+
+
+def _in_layer(depths: NDArray[np.float64]) -> NDArray[np.bool_]:
+    nearest, farthest = depth_layer(depths)
     margin = LAYER_GAP / 4
-    return np.asarray(cloud[(cloud[:, 2] >= nearest - margin) & (cloud[:, 2] <= farthest + margin)])
+    return np.asarray((depths >= nearest - margin) & (depths <= farthest + margin))
+
+
+def _on_surface(cloud: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which points (P, 3) lie near the paraboloid through most of them; all if they are too few to tell."""
+    kept = np.ones(len(cloud), dtype=np.bool_)
+    if len(cloud) < _LEAST_RELIEF_POINTS:
+        return kept
+    middle = np.median(cloud, axis=0)
+    size = max(float(np.ptp(cloud[:, :2], axis=0).max()), 1e-9)
+    x, y, z = (cloud - middle).T / size
+    design = np.column_stack((np.ones_like(x), x, y, x * x, x * y, y * y))
+    for _ in range(2):
+        # Normal equations: six unknowns of order one, forty times quicker than an orthogonal decomposition.
+        left = design[kept]
+        solution = np.linalg.lstsq(left.T @ left, left.T @ z[kept], rcond=None)[0]
+        residual = np.abs(z - design @ solution)
+        limit = max(_OUTLIER_SPREADS * 1.4826 * float(np.median(residual[kept])), _SMALLEST_OUTLIER / size)
+        kept = residual <= limit
+    return np.asarray(kept)
 
 
 def relief_height(points: NDArray[np.float64], dome: NDArray[np.float64]) -> float:
