@@ -90,18 +90,18 @@ def _draw_varied(rng: np.random.Generator) -> ClusterConfig:
 
 def _draw_dataset_1(rng: np.random.Generator) -> ClusterConfig:
     """A set of one to three berries on one truss, seldom two, most of them ripe."""
-    trusses = 1 + int(rng.random() < 0.15)
-    berries = int(rng.choice((1, 2, 3), p=(0.62, 0.31, 0.07)))
+    trusses = 1 + int(rng.random() < 0.1)
+    berries = int(rng.choice((1, 2, 3), p=(0.70, 0.25, 0.05)))
     half_width = trusses * rng.uniform(0.012, 0.038)
     hanging, canopy = int(rng.integers(0, 4)), int(rng.integers(6, 35))
     return ClusterConfig(
         trusses=(trusses, trusses),
         berries=(berries, berries),
         stage_shares={
-            RipenessStage.GREEN: 0.14,
-            RipenessStage.WHITE: 0.07,
-            RipenessStage.TURNING: 0.09,
-            RipenessStage.RIPE: 0.70,
+            RipenessStage.GREEN: 0.22,
+            RipenessStage.WHITE: 0.13,
+            RipenessStage.TURNING: 0.15,
+            RipenessStage.RIPE: 0.50,
         },
         across=(-0.09 - half_width, -0.09 + half_width),
         canopy_leaves=(canopy, canopy),
