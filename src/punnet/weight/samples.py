@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from punnet.weight.observation import BerryObservation, observe
 __all__ = [
     "LEAST_OVERLAP",
     "NOT_FOUND",
+    "MissedBerry",
     "WeightSamples",
     "WeightSplit",
     "collect_samples",
@@ -31,6 +33,20 @@ LEAST_OVERLAP = 0.5
 """Least intersection over union at which a detector's mask is that of an annotated berry."""
 
 NOT_FOUND = "not found by the detector"
+
+_NUMBER = re.compile(r"\d+(\.\d+)?")
+
+
+@dataclass(frozen=True)
+class MissedBerry:
+    """A berry of known weight that could not be observed: why, and the fields of :class:`WeightSamples`."""
+
+    reason: str
+    grams: float
+    group: str
+    occlusion: float
+    image: int
+    annotation: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +67,8 @@ class WeightSamples:
         (N,) metres, median depth of the berry's points.
     image, annotation
         (N,) ids in the data set.
-    refused
-        How many weighed berries could not be observed, by reason.
+    missed
+        Berries of known weight that could not be observed; an estimator must not score better for them.
     skipped
         Why images were left out, one line each.
 
@@ -69,7 +85,7 @@ class WeightSamples:
     distance: NDArray[np.float64]
     image: NDArray[np.int64]
     annotation: NDArray[np.int64]
-    refused: dict[str, int] = field(default_factory=dict)
+    missed: tuple[MissedBerry, ...] = ()
     skipped: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -83,8 +99,13 @@ class WeightSamples:
     def __len__(self) -> int:
         return len(self.observations)
 
+    @property
+    def refused(self) -> dict[str, int]:
+        """How many berries were missed, by reason (numbers left out), the commonest first."""
+        return dict(Counter(_NUMBER.sub("…", berry.reason) for berry in self.missed).most_common())
+
     def subset(self, indices: Iterable[int] | NDArray[np.integer[Any]]) -> WeightSamples:
-        """The samples at ``indices``, in that order; what was refused or skipped is left behind."""
+        """The samples at ``indices``, in that order; what was missed or skipped is left behind."""
         chosen = [int(index) for index in indices]
         return WeightSamples(
             observations=tuple(self.observations[index] for index in chosen),
@@ -127,15 +148,15 @@ def collect_samples(
         Called after each image.
     """
     rows: list[tuple[BerryObservation, AnnotatedImage, int]] = []
-    refused: Counter[str] = Counter()
+    missed: list[MissedBerry] = []
     skipped: list[str] = []
     for image in dataset:
         try:
             for index, seen in _observed(image, detector):
                 if isinstance(seen, str):
-                    refused[seen] += 1
+                    missed.append(_missed(seen, image, index))
                 else:
-                    rows.append((seen, image, index))
+                    rows.append((_compact(seen), image, index))
         except PunnetError as error:
             skipped.append(str(error))
         if progress is not None:
@@ -144,12 +165,12 @@ def collect_samples(
     return WeightSamples(
         observations=tuple(seen for seen, _, _ in rows),
         grams=np.array([annotation.weight for annotation in annotations], dtype=np.float64),
-        groups=tuple(image.group or f"image-{image.id}" for _, image, _ in rows),
+        groups=tuple(_group(image) for _, image, _ in rows),
         occlusion=np.array([annotation.occlusion for annotation in annotations], dtype=np.float64),
         distance=np.array([np.median(seen.cloud[:, 2]) for seen, _, _ in rows], dtype=np.float64),
         image=np.array([image.id for _, image, _ in rows], dtype=np.int64),
         annotation=np.array([annotation.id for annotation in annotations], dtype=np.int64),
-        refused=dict(refused),
+        missed=tuple(missed),
         skipped=tuple(skipped),
     )
 
@@ -164,13 +185,10 @@ def join_samples(parts: Sequence[WeightSamples]) -> WeightSamples:
     """
     if not parts:
         raise ConfigurationError("weight samples: nothing to join")
-    refused: Counter[str] = Counter()
-    for part in parts:
-        refused.update(part.refused)
     return WeightSamples(
         observations=tuple(seen for part in parts for seen in part.observations),
         groups=tuple(group for part in parts for group in part.groups),
-        refused=dict(refused),
+        missed=tuple(berry for part in parts for berry in part.missed),
         skipped=tuple(line for part in parts for line in part.skipped),
         **{
             name: np.concatenate([getattr(part, name) for part in parts])
@@ -196,24 +214,42 @@ def split_groups(
         raise ConfigurationError(
             f"split: test and validation must be shares that leave some to train on, got {test}, {validation}"
         )
-    places = np.array([_place(group, seed) for group in samples.groups])
-    parts = {
-        "test": places < test,
-        "validation": (places >= test) & (places < test + validation),
-        "train": places >= test + validation,
-    }
-    shares = {"test": test, "validation": validation, "train": 1.0}
-    if empty := [name for name, chosen in parts.items() if shares[name] > 0 and not chosen.any()]:
+    bounds = {"test": (0.0, test), "validation": (test, test + validation), "train": (test + validation, 1.0)}
+    parts = {name: _between(samples, seed, *limits) for name, limits in bounds.items()}
+    if empty := [name for name, (low, high) in bounds.items() if high > low and not len(parts[name])]:
         raise ConfigurationError(
             f"split: {len(set(samples.groups))} plants are too few, nothing is left for {', '.join(empty)}; "
             "give more images"
         )
-    return WeightSplit(**{name: samples.subset(np.flatnonzero(chosen)) for name, chosen in parts.items()})
+    return WeightSplit(**parts)
+
+
+def _between(samples: WeightSamples, seed: int, low: float, high: float) -> WeightSamples:
+    """Samples and missed berries of the plants whose place is in [low, high)."""
+    chosen = [i for i, group in enumerate(samples.groups) if low <= _place(group, seed) < high]
+    missed = tuple(berry for berry in samples.missed if low <= _place(berry.group, seed) < high)
+    return replace(samples.subset(chosen), missed=missed)
 
 
 def _place(group: str, seed: int) -> float:
     """A number in [0, 1), even over groups."""
     return int.from_bytes(hashlib.sha256(f"{seed}:{group}".encode()).digest()[:8], "big") / 2.0**64
+
+
+def _group(image: AnnotatedImage) -> str:
+    return image.group or f"image-{image.id}"
+
+
+def _missed(reason: str, image: AnnotatedImage, index: int) -> MissedBerry:
+    annotation = image.annotations[index]
+    return MissedBerry(
+        reason, annotation.weight, _group(image), annotation.occlusion, image.id, annotation.id
+    )
+
+
+def _compact(seen: BerryObservation) -> BerryObservation:
+    """The same with crops of its own, so that it does not keep the whole image in memory."""
+    return replace(seen, rgb=seen.rgb.copy(), depth=seen.depth.copy(), mask=seen.mask.copy())
 
 
 def _observed(image: AnnotatedImage, detector: Detector | None) -> list[tuple[int, BerryObservation | str]]:
