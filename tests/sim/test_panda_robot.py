@@ -22,7 +22,7 @@ NOTHING = Frame(np.zeros((8, 8, 3), dtype=np.uint8))
 
 @pytest.fixture
 def robot():
-    with_noise = SimulatedPanda(small_world(), np.random.default_rng(0))
+    with_noise = SimulatedPanda(small_world(5), np.random.default_rng(0))
     yield with_noise
     with_noise.close()
 
