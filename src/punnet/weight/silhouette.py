@@ -37,6 +37,8 @@ class Silhouette:
         Enclosed area, and extent along the berry's axis.
     spread
         (2, 2) covariance of the area; √(xᵀ spread⁻¹ x)/2 is 1 on the ellipse of equal moments.
+    corners
+        (K, 2) of the outline, in turn.
     """
 
     R_view_camera: NDArray[np.float64]
@@ -44,11 +46,16 @@ class Silhouette:
     area: float
     length: float
     spread: NDArray[np.float64]
+    corners: NDArray[np.float64]
 
     @property
     def width(self) -> float:
         """Width of the ellipse of this area and length."""
         return 4.0 * self.area / (math.pi * self.length)
+
+    def on_plane(self, camera: CameraIntrinsics, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where pixels (P, 2) of ``camera`` lie on the plane, (P, 2)."""
+        return _on_plane(camera, self.R_view_camera, pixels)
 
     def dome(self, directions: NDArray[np.float64]) -> NDArray[np.float64]:
         """√(1 − ρ²) at (P, 2) points of the plane, ρ = 1 on the ellipse of equal moments; 0 outside."""
@@ -91,7 +98,9 @@ def measure_silhouette(
     direction = _axis_direction(camera, R, axis, spread)
     extent = float(np.ptp(outline @ direction)) + 2.0 * edge
     grown = (area + perimeter * edge) / area
-    return Silhouette(R, centre, area * grown, extent, spread * grown)
+    outward = outline - centre
+    outward *= 1.0 + edge / np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), edge)
+    return Silhouette(R, centre, area * grown, extent, spread * grown, centre + outward)
 
 
 def _looking_along(ray: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,0 +1,149 @@
+"""Feature vectors of berries for trained weight estimators: named groups of numbers, those of the thesis among them.
+
+The thesis (section 4.3.1) takes the area of the mask's box, the area of the mask, a histogram of depth with
+twelve bins, and the principal components of the convex hull of the berry's cloud: groups ``box``, ``mask``,
+``histogram`` and ``components``. The others (:mod:`punnet.weight.shape_features`) are physical sizes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from punnet.errors import ConfigurationError, ShapeError
+from punnet.weight.hull import hull_components
+from punnet.weight.observation import BerryObservation
+from punnet.weight.shape_features import SHAPE_FEATURES, shape_features
+
+__all__ = [
+    "FEATURES",
+    "FOREST_GROUPS",
+    "FOREST_PCA_GROUPS",
+    "SHAPE_GROUPS",
+    "feature_matrix",
+    "feature_names",
+]
+
+_BINS = 12
+_BIN_DEPTH = 0.002
+"""Metres: with twelve, the histogram spans 24 mm from the nearest point, the front half of the thickest berries."""
+_NEAREST_SHARE = 0.01
+
+FEATURES: dict[str, dict[str, str]] = {
+    "box": {"box_area_px": "area of the mask's box"},
+    "mask": {"mask_area_px": "pixels of the mask"},
+    "histogram": {
+        "nearest_m": "range at which the histogram begins: one point in a hundred is nearer",
+        **{
+            f"depth_{k}": f"share of the points {2 * k} to {2 * k + 2} mm behind that"
+            + (", or further" if k == _BINS - 1 else "")
+            for k in range(_BINS)
+        },
+    },
+    "components": {
+        **{
+            f"component_{k}_m": f"standard deviation of the hull's surface along component {k}"
+            for k in range(3)
+        },
+        **{f"extent_{k}_m": f"extent of the hull along component {k}" for k in range(3)},
+        **{
+            f"direction_{k}_{axis}": f"component {k} along {axis} of the view: right, down, away along the line of sight"
+            for k in range(2)
+            for axis in "xyz"
+        },
+    },
+    **SHAPE_FEATURES,
+}
+"""Every feature and what it is, by group; the unit is the end of its name, none if it has none."""
+
+FOREST_GROUPS = ("box", "mask", "histogram")
+"""The thesis' vector without principal components."""
+FOREST_PCA_GROUPS = (*FOREST_GROUPS, "components")
+"""The thesis' vector."""
+SHAPE_GROUPS = (*SHAPE_FEATURES, "components")
+"""Physical features and the principal components."""
+
+
+def feature_names(groups: Sequence[str]) -> tuple[str, ...]:
+    """Names of the columns of :func:`feature_matrix`.
+
+    Raises
+    ------
+    ConfigurationError
+        If a group is unknown or given twice, or there are none.
+    """
+    unknown = [group for group in groups if group not in FEATURES]
+    if unknown or not groups or len(set(groups)) != len(groups):
+        raise ConfigurationError(
+            f"weight features: groups must be some of {', '.join(FEATURES)}, each once, got {list(groups)}"
+        )
+    return tuple(name for group in groups for name in FEATURES[group])
+
+
+def feature_matrix(observations: Sequence[BerryObservation], groups: Sequence[str]) -> NDArray[np.float32]:
+    """Features (N, F) of N berries, one column a name of :func:`feature_names`; all finite.
+
+    Where in the image a cloud sits does not count: sizes are taken and directions given in the view along the line of
+    sight to the berry (areas in pixels apart, which are the thesis' and grow towards the image's border). Neither does
+    the order of the points.
+
+    Raises
+    ------
+    ConfigurationError
+        If a group is unknown or given twice, or there are none.
+    ShapeError
+        If an observation's cloud has no hull or its numbers are not finite, which :func:`~punnet.weight.observe`
+        lets through under no circumstances.
+    """
+    names = feature_names(groups)
+    rows = [_row(berry, groups) for berry in observations]
+    matrix = np.array([[row[name] for name in names] for row in rows], dtype=np.float64)
+    matrix = matrix.reshape(len(observations), len(names))
+    if not np.isfinite(matrix).all():
+        bad = sorted({names[column] for column in np.nonzero(~np.isfinite(matrix))[1]})
+        raise ShapeError(f"weight features: {', '.join(bad)} not finite; is the observation damaged?")
+    return matrix.astype(np.float32)
+
+
+def _row(berry: BerryObservation, groups: Sequence[str]) -> dict[str, float]:
+    row: dict[str, float] = {}
+    if "box" in groups:
+        row["box_area_px"] = float(berry.mask.size)
+    if "mask" in groups:
+        row["mask_area_px"] = float(berry.mask.sum())
+    if "histogram" in groups:
+        row |= _histogram(berry)
+    if "components" in groups:
+        row |= _components(berry)
+    if not SHAPE_FEATURES.keys().isdisjoint(groups):
+        row |= shape_features(berry)
+    return row
+
+
+def _histogram(berry: BerryObservation) -> dict[str, float]:
+    """Twelve steps of 2 mm from the nearest point on, along the line of sight.
+
+    Steps are of fixed size and counted from the berry, so that the shares tell its shape wherever it hangs; the
+    distance is where they begin.
+    """
+    ranges = np.linalg.norm(berry.cloud, axis=1)
+    position = int(_NEAREST_SHARE * len(ranges))
+    nearest = float(np.partition(ranges, position)[position])
+    bins = np.clip(((ranges - nearest) / _BIN_DEPTH).astype(np.int64), 0, _BINS - 1)
+    shares = np.bincount(bins, minlength=_BINS) / len(ranges)
+    return {"nearest_m": nearest, **{f"depth_{k}": float(share) for k, share in enumerate(shares)}}
+
+
+def _components(berry: BerryObservation) -> dict[str, float]:
+    hull = hull_components(berry.cloud, berry.outline.R_view_camera)
+    return {
+        **{f"component_{k}_m": float(hull.deviations[k]) for k in range(3)},
+        **{f"extent_{k}_m": float(hull.extents[k]) for k in range(3)},
+        **{
+            f"direction_{k}_{axis}": float(hull.directions[k, column])
+            for k in range(2)
+            for column, axis in enumerate("xyz")
+        },
+    }

@@ -1,0 +1,208 @@
+"""A berry's outline along its axis, completed where something hides it, and how far its front bulges over that.
+
+The axis runs from the top key-point to the bottom one; without them, along the longest extent of the outline. All
+is measured on the plane across the line of sight through the berry, in metres.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from punnet.scene import KEYPOINTS
+from punnet.weight.observation import BerryObservation
+
+__all__ = ["STATIONS", "BerryProfile", "BerryRelief", "measure_profile", "measure_relief"]
+
+STATIONS = 9
+"""Places along the axis at which the width is taken: the middles of as many equal parts."""
+
+_TOP, _BOTTOM = KEYPOINTS.index("top"), KEYPOINTS.index("bottom")
+_GRASPS = [KEYPOINTS.index("left_grasp"), KEYPOINTS.index("right_grasp")]
+_GRASP_INSET = 0.92
+"""Grasp points lie this far on the way from the axis to the outline."""
+_SHORTEST_AXIS = 0.003
+_SURFACE_STATIONS = 33
+
+
+@dataclass(frozen=True, eq=False)
+class BerryProfile:
+    """The outline in the berry's own coordinates: along the axis from the top, and across it; metres.
+
+    Parameters
+    ----------
+    origin
+        (2,) where the top is on the plane.
+    axis
+        (2,) unit vector from top to bottom.
+    seen
+        (K, 2) hull of what shows, (along, across).
+    completed
+        (M, 2) hull of that and of the key-points, hidden ones among them.
+    keypoint_length, keypoint_width
+        Top to bottom, and from side to side as the grasp points tell; NaN without them.
+    """
+
+    origin: NDArray[np.float64]
+    axis: NDArray[np.float64]
+    seen: NDArray[np.float64]
+    completed: NDArray[np.float64]
+    keypoint_length: float
+    keypoint_width: float
+
+    @property
+    def begin(self) -> float:
+        """Where the completed outline begins along the axis."""
+        return float(self.completed[:, 0].min())
+
+    @property
+    def length(self) -> float:
+        """Of the completed outline along the axis."""
+        return float(np.ptp(self.completed[:, 0]))
+
+    @property
+    def width(self) -> float:
+        """Of the completed outline across the axis."""
+        return float(np.ptp(self.completed[:, 1]))
+
+    def in_axis_frame(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(P, 2) of the plane, metres, to (along, across)."""
+        across = np.array((-self.axis[1], self.axis[0]))
+        return np.asarray((points - self.origin) @ np.column_stack((self.axis, across)))
+
+
+def measure_profile(berry: BerryObservation) -> BerryProfile:
+    """The outline of a berry along its axis."""
+    outline, scale = berry.outline, berry.scale
+    known: NDArray[np.bool_] = np.asarray(np.isfinite(berry.crop_keypoints).all(axis=1))
+    keypoints = np.full((len(KEYPOINTS), 2), np.nan)
+    keypoints[known] = outline.on_plane(berry.crop_camera, berry.crop_keypoints[known]) * scale
+    span = keypoints[_BOTTOM] - keypoints[_TOP]
+    length = float(np.linalg.norm(span))
+    has_axis = length > _SHORTEST_AXIS  # False for NaN
+    if has_axis:
+        origin, axis = keypoints[_TOP], span / length
+    else:
+        axis = np.linalg.eigh(outline.spread)[1][:, -1]
+        axis = axis if axis[1] >= 0 else -axis
+        along = outline.corners @ axis
+        origin = (outline.centre + axis * (float(along.min()) - outline.centre @ axis)) * scale
+    frame = BerryProfile(origin, axis, np.empty((0, 2)), np.empty((0, 2)), length, math.nan)
+    seen = frame.in_axis_frame(outline.corners * scale)
+    points, width = [seen], math.nan
+    if has_axis:
+        points.append(frame.in_axis_frame(keypoints[[_TOP, _BOTTOM]]))
+    if known[_GRASPS].all():
+        grasps = frame.in_axis_frame(keypoints[_GRASPS])
+        middle = 0.0 if has_axis else grasps[:, 1].mean()
+        grasps[:, 1] = middle + (grasps[:, 1] - middle) / _GRASP_INSET
+        width = float(np.linalg.norm(grasps[1] - grasps[0]))
+        points.append(grasps)
+    whole = cv2.convexHull(np.vstack(points).astype(np.float32))[:, 0].astype(np.float64)
+    return BerryProfile(origin, axis, seen, whole, length if has_axis else math.nan, width)
+
+
+def chords(
+    polygon: NDArray[np.float64], stations: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where a convex polygon (K, 2) of (along, across) begins and ends across the axis at stations (S,); 0 outside."""
+    a, b = polygon, np.roll(polygon, -1, axis=0)
+    run = b[:, 0] - a[:, 0]
+    share = (stations - a[:, :1]) / np.where(run == 0.0, 1.0, run)[:, None]
+    crossing = (share >= 0.0) & (share <= 1.0) & (run != 0.0)[:, None]
+    across = a[:, 1:] + share * (b[:, 1] - a[:, 1])[:, None]
+    met = crossing.any(axis=0)
+    low = np.where(met, np.where(crossing, across, np.inf).min(axis=0), 0.0)
+    high = np.where(met, np.where(crossing, across, -np.inf).max(axis=0), 0.0)
+    return low, high
+
+
+@dataclass(frozen=True)
+class BerryRelief:
+    """How the front of a berry bulges over its completed outline.
+
+    Parameters
+    ----------
+    aspect
+        Half extent towards the camera over half width, of a body whose every cross-section is an ellipse.
+    curved_aspect
+        The same with the axis free to bend towards the camera.
+    noise
+        Standard error of ``aspect`` by the depth's noise at that distance.
+    tilt
+        Metres that the axis goes away from the camera for each metre along it.
+    residual
+        Metres, of the fit.
+    across, along
+        Curvature of the surface across and along the axis, times the width and the length.
+    covered_from, covered_to
+        Part of the axis, 0 the top, 1 the bottom, along which there are points.
+    """
+
+    aspect: float
+    curved_aspect: float
+    noise: float
+    tilt: float
+    residual: float
+    across: float
+    along: float
+    covered_from: float
+    covered_to: float
+
+
+_DISPARITY_NOISE = 0.08 / (385.0 * 0.050)
+"""Relative standard deviation of depth for each metre of it, of the D435i (see the simulator's depth sensor)."""
+_PIXELS_A_PATCH = 90.0
+"""Pixels over which stereo errs alike: noise averages out over patches, not over pixels."""
+
+
+def measure_relief(berry: BerryObservation, profile: BerryProfile) -> BerryRelief:
+    """Fit the front of a body with elliptic cross-sections, tilted and sheared at will, to the cloud.
+
+    Depth = a + b·along + c·across − aspect · √(h² − (across − m)²) with h(along) half the width of the outline and
+    m(along) its middle. A plane that is added to an ellipsoid leaves an ellipsoid of the same outline and volume, so
+    tilt towards the camera needs no model of its own.
+    """
+    turned = berry.cloud @ berry.outline.R_view_camera.T
+    along, across = profile.in_axis_frame(turned[:, :2]).T
+    depth = turned[:, 2] - turned[:, 2].mean()
+    begin, length, width = profile.begin, profile.length, profile.width
+    grid = begin + length * np.linspace(0.0, 1.0, _SURFACE_STATIONS)
+    low, high = chords(profile.completed, grid)
+    middle = np.interp(along, grid, (low + high) / 2.0)
+    half = np.interp(along, grid, (high - low) / 2.0)
+    dome = np.sqrt(np.clip(half**2 - (across - middle) ** 2, 0.0, None))
+    x, y = (across - across.mean()) / width, (along - along.mean()) / length
+    one, rise = np.ones_like(x), dome / width
+    straight, residual = _least_squares(np.column_stack((one, y, x, -rise)), depth)
+    bent, _ = _least_squares(np.column_stack((one, y, x, -rise, y * y)), depth)
+    paraboloid, _ = _least_squares(np.column_stack((one, y, x, x * x, y * y, x * y)), depth)
+    distance = float(np.median(turned[:, 2]))
+    patches = max(1.0, len(depth) / _PIXELS_A_PATCH)
+    noise = _DISPARITY_NOISE * distance**2 / math.sqrt(patches) / max(float(dome.std()), 1e-4)
+    reach = np.clip((np.array((along.min(), along.max())) - begin) / length, 0.0, 1.0)
+    return BerryRelief(
+        aspect=float(straight[3]) / width,
+        curved_aspect=float(bent[3]) / width,
+        noise=noise,
+        tilt=float(straight[1]) / length,
+        residual=residual,
+        across=float(paraboloid[3]) / width,
+        along=float(paraboloid[4]) / length,
+        covered_from=float(reach[0]),
+        covered_to=float(reach[1]),
+    )
+
+
+def _least_squares(
+    design: NDArray[np.float64], target: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], float]:
+    """Solution and root mean square residual; columns of order one, so normal equations do."""
+    normal = design.T @ design
+    normal[np.diag_indices_from(normal)] += 1e-9 * len(target)
+    solution = np.asarray(np.linalg.solve(normal, design.T @ target), dtype=np.float64)
+    return solution, float(np.sqrt(np.mean((target - design @ solution) ** 2)))

@@ -1,0 +1,226 @@
+"""Physical features of one berry, by group: what tells its weight beyond size in pixels.
+
+Lengths and volumes are metric, ratios have no unit; every number is finite whatever is missing.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from punnet.scene import KEYPOINTS, Visibility
+from punnet.weight.ellipsoid import EllipsoidEstimator
+from punnet.weight.observation import BerryObservation
+from punnet.weight.profile import STATIONS, BerryProfile, BerryRelief, chords, measure_profile, measure_relief
+
+__all__ = ["SHAPE_FEATURES", "shape_features"]
+
+_MILLILITRES = 1e6
+_ELLIPSOID = EllipsoidEstimator()
+_SEEN_FROM = ("top", "bottom", "left_grasp", "right_grasp")
+_THICKNESS_SPREAD = 0.09
+"""Relative standard deviation of a berry's thickness, its width known: what a measured bulge must beat."""
+_ASPECT_LIMITS = (0.5, 2.0)
+
+SHAPE_FEATURES: dict[str, dict[str, str]] = {
+    "metric": {
+        "length_m": "along the key-point axis, of the outline completed by the key-points",
+        "width_m": "across that axis, likewise",
+        "seen_length_m": "along the axis, of the outline of what shows",
+        "seen_width_m": "across the axis, of the outline of what shows",
+        "keypoint_length_m": "from top to bottom; length_m without key-points",
+        "keypoint_width_m": "from side to side as the grasp points tell; width_m without key-points",
+        "visible_area_m2": "of the mask",
+        "outline_area_m2": "of the completed outline",
+        "revolution_ml": "volume of the completed outline turned about its axis, chord by chord",
+        "seen_revolution_ml": "the same of the outline of what shows",
+        "mirrored_ml": "the same with each half chord as long as the longer: the better half stands for both",
+        "relief_ml": "revolution_ml times the aspect that the cloud tells, as far as noise lets it be believed",
+        "distance_m": "from the camera to the berry's middle",
+        "pixels_log": "logarithm of the mask's pixels",
+        "points_log": "logarithm of the cloud's points",
+    },
+    "profile": {
+        **{
+            f"width_{k}": f"width at part {k + 1} of {STATIONS} of the axis, over width_m"
+            for k in range(STATIONS)
+        },
+        "elongation": "length_m over width_m",
+        "fullness": "outline_area_m2 over length_m times width_m",
+        "roundness": "revolution_ml over outline_area_m2 to the power 3/2",
+        "asymmetry": "mean offset of the chords' middles from the axis, over width_m",
+        "mirrored_share": "mirrored_ml over revolution_ml",
+    },
+    "relief": {
+        "aspect": "half extent towards the camera over half width, from the cloud's bulge",
+        "curved_aspect": "the same with an axis that may bend",
+        "believed_aspect": "logarithm of aspect, shrunk by the depth's noise at that distance",
+        "aspect_noise": "standard error of aspect by that noise",
+        "tilt": "metres away from the camera for each metre along the axis",
+        "residual_m": "of the fit of the bulge",
+        "curvature_across": "of the cloud across the axis, times width",
+        "curvature_along": "of the cloud along the axis, times length",
+        "dome": "bulge over the outline's ellipse of equal moments, over width_m",
+    },
+    "occlusion": {
+        "hidden": "share of the outline at which something nearer begins",
+        "cut": "share of the mask's box that lies on the image's border",
+        "outline_seen": "area of the outline of what shows over that of the completed outline",
+        "solidity": "visible_area_m2 over the area of its outline",
+        "revolution_seen": "seen_revolution_ml over revolution_ml",
+        "length_seen": "seen_length_m over keypoint_length_m",
+        "width_seen": "seen_width_m over keypoint_width_m",
+        "no_reading": "share of the mask without depth",
+        "edge": "share of the mask at its edge",
+        "covered_from": "part of the axis, from the top, at which points begin",
+        "covered_to": "part of the axis at which they end",
+        **{f"{name}_hidden": f"1 if something else hides {name}" for name in _SEEN_FROM},
+        **{f"{name}_behind": f"1 if the fruit itself hides {name}" for name in _SEEN_FROM},
+        "without_axis": "1 if top or bottom is not known",
+    },
+    "ripeness": {"ripeness": "0 green … 1 red all over; 1 if unknown, as what is weighed is ripe as a rule"},
+    "ellipsoid": {
+        "ellipsoid_g": "grams of the ellipsoid estimator",
+        "revolution_over_ellipsoid": "revolution_ml over ellipsoid_g",
+        "relief_over_ellipsoid": "relief_ml over ellipsoid_g",
+    },
+}
+"""What each feature is, by group; the unit is the end of its name, none if it has none."""
+
+
+def shape_features(berry: BerryObservation) -> dict[str, float]:
+    """All of :data:`SHAPE_FEATURES` of one berry, by name."""
+    profile = measure_profile(berry)
+    relief = measure_relief(berry, profile)
+    metric = _metric(berry, profile, relief)
+    grams = _ELLIPSOID.weigh(berry)[0]
+    return {
+        **metric,
+        **_profile(profile, metric),
+        **_relief(berry, profile, relief),
+        **_occlusion(berry, profile, relief, metric),
+        "ripeness": 1.0 if math.isnan(berry.ripeness) else berry.ripeness,
+        "ellipsoid_g": grams,
+        "revolution_over_ellipsoid": metric["revolution_ml"] / grams,
+        "relief_over_ellipsoid": metric["relief_ml"] / grams,
+    }
+
+
+def _metric(berry: BerryObservation, profile: BerryProfile, relief: BerryRelief) -> dict[str, float]:
+    stations = _stations(profile)
+    low, high = chords(profile.completed, stations)
+    seen_low, seen_high = chords(profile.seen, stations)
+    longer = np.maximum(np.abs(low), np.abs(high))
+    turned = math.pi * profile.length * _MILLILITRES
+    revolution = turned * float(np.mean((high - low) ** 2)) / 4.0
+    pixels = int(berry.mask.sum())
+    return {
+        "length_m": profile.length,
+        "width_m": profile.width,
+        "seen_length_m": float(np.ptp(profile.seen[:, 0])),
+        "seen_width_m": float(np.ptp(profile.seen[:, 1])),
+        "keypoint_length_m": _or(profile.keypoint_length, profile.length),
+        "keypoint_width_m": _or(profile.keypoint_width, profile.width),
+        "visible_area_m2": pixels * berry.scale**2 / (berry.camera.fx * berry.camera.fy),
+        "outline_area_m2": _area(profile.completed),
+        "revolution_ml": revolution,
+        "seen_revolution_ml": turned * float(np.mean((seen_high - seen_low) ** 2)) / 4.0,
+        "mirrored_ml": turned * float(np.mean(longer**2)),
+        "relief_ml": revolution * math.exp(0.8 * _believed(relief)),
+        "distance_m": berry.distance,
+        "pixels_log": math.log(pixels),
+        "points_log": math.log(len(berry.cloud)),
+    }
+
+
+def _profile(profile: BerryProfile, metric: dict[str, float]) -> dict[str, float]:
+    low, high = chords(profile.completed, _stations(profile))
+    return {
+        **{f"width_{k}": float(width) / profile.width for k, width in enumerate(high - low)},
+        "elongation": profile.length / profile.width,
+        "fullness": metric["outline_area_m2"] / (profile.length * profile.width),
+        "roundness": metric["revolution_ml"] / _MILLILITRES / metric["outline_area_m2"] ** 1.5,
+        "asymmetry": float(np.mean(np.abs(high + low))) / 2.0 / profile.width,
+        "mirrored_share": metric["mirrored_ml"] / metric["revolution_ml"],
+    }
+
+
+def _relief(berry: BerryObservation, profile: BerryProfile, relief: BerryRelief) -> dict[str, float]:
+    dome = berry.relief / profile.width
+    return {
+        "aspect": relief.aspect,
+        "curved_aspect": relief.curved_aspect,
+        "believed_aspect": _believed(relief),
+        "aspect_noise": relief.noise,
+        "tilt": relief.tilt,
+        "residual_m": relief.residual,
+        "curvature_across": relief.across,
+        "curvature_along": relief.along,
+        "dome": _or(dome, 0.45 * relief.aspect),
+    }
+
+
+def _occlusion(
+    berry: BerryObservation, profile: BerryProfile, relief: BerryRelief, metric: dict[str, float]
+) -> dict[str, float]:
+    pixels = int(berry.mask.sum())
+    seen_area = _area(profile.seen)
+    codes = [int(berry.visibility[KEYPOINTS.index(name)]) for name in _SEEN_FROM]
+    return {
+        "hidden": berry.hidden,
+        "cut": _cut(berry),
+        "outline_seen": seen_area / metric["outline_area_m2"],
+        "solidity": metric["visible_area_m2"] / seen_area,
+        "revolution_seen": metric["seen_revolution_ml"] / metric["revolution_ml"],
+        "length_seen": metric["seen_length_m"] / metric["keypoint_length_m"],
+        "width_seen": metric["seen_width_m"] / metric["keypoint_width_m"],
+        "no_reading": berry.dropped.get("no reading", 0) / pixels,
+        "edge": berry.dropped.get("edge", 0) / pixels,
+        "covered_from": relief.covered_from,
+        "covered_to": relief.covered_to,
+        **{
+            f"{name}_hidden": float(code == Visibility.HIDDEN_BY_OTHER)
+            for name, code in zip(_SEEN_FROM, codes, strict=True)
+        },
+        **{
+            f"{name}_behind": float(code == Visibility.HIDDEN_BY_ITSELF)
+            for name, code in zip(_SEEN_FROM, codes, strict=True)
+        },
+        "without_axis": float(math.isnan(profile.keypoint_length)),
+    }
+
+
+def _stations(profile: BerryProfile) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    return profile.begin + profile.length * (np.arange(STATIONS) + 0.5) / STATIONS
+
+
+def _believed(relief: BerryRelief) -> float:
+    """Ln aspect times the share of its variance that is the berry's, not the depth's."""
+    low, high = _ASPECT_LIMITS
+    share = _THICKNESS_SPREAD**2 / (_THICKNESS_SPREAD**2 + relief.noise**2)
+    return share * math.log(min(max(relief.aspect, low), high))
+
+
+def _cut(berry: BerryObservation) -> float:
+    """Share of the rows and columns of the mask's box that reach the image's border."""
+    rows, columns = berry.window
+    touched = 0
+    if rows.start == 0:
+        touched += int(berry.mask[0].sum())
+    if rows.stop == berry.camera.height:
+        touched += int(berry.mask[-1].sum())
+    if columns.start == 0:
+        touched += int(berry.mask[:, 0].sum())
+    if columns.stop == berry.camera.width:
+        touched += int(berry.mask[:, -1].sum())
+    return touched / sum(berry.mask.shape)
+
+
+def _area(polygon: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -> float:
+    x, y = polygon.T
+    return abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2.0
+
+
+def _or(value: float, fallback: float) -> float:
+    return fallback if math.isnan(value) else value
