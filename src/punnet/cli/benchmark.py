@@ -1,4 +1,4 @@
-"""``punnet benchmark harvest``: many unseen plants, counted by the simulator's truth."""
+"""``punnet benchmark``: many unseen plants, counted by the simulator's truth; and punnets packed with a weigher's errors."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+from punnet.cli.benchmark_packing import packing
 from punnet.cli.console import note, print_json, print_table, progress_bar
 from punnet.cli.eyes import perception_in_simulation
 from punnet.cli.options import DetectorName, Json, Oracle, Seed
@@ -20,6 +21,9 @@ def register(app: typer.Typer) -> None:
     group = typer.Typer(help="Measure how well it picks.", no_args_is_help=True)
     group.command("harvest", epilog="Example: punnet benchmark harvest --clusters 20 --seed 1 --workers 2")(
         harvest
+    )
+    group.command("packing", epilog="Example: punnet benchmark packing weight-scores.json --out packing.png")(
+        packing
     )
     app.add_typer(group, name="benchmark")
 
