@@ -73,8 +73,6 @@ class WeightSettings:
         Name of the model in the training registry.
     feature_groups
         What the graph is fed with, see :mod:`punnet.weight.features`.
-    log_grams
-        Whether the graph's output ``grams`` is their natural logarithm.
     interval
         How wide intervals are.
 
@@ -86,12 +84,11 @@ class WeightSettings:
 
     model: str
     feature_groups: tuple[str, ...]
-    log_grams: bool
     interval: IntervalSettings
 
     def __post_init__(self) -> None:
-        if not isinstance(self.model, str) or not isinstance(self.log_grams, bool):
-            raise BundleError("model must be a text and log_grams true or false")
+        if not isinstance(self.model, str):
+            raise BundleError(f"model must be a text, got {self.model!r}")
         if not isinstance(self.feature_groups, list | tuple):
             raise BundleError(f"feature_groups must be a list of names, got {self.feature_groups!r}")
         object.__setattr__(self, "feature_groups", tuple(self.feature_groups))
@@ -107,7 +104,6 @@ class WeightSettings:
             "model": self.model,
             "feature_groups": list(self.feature_groups),
             "features": list(feature_names(self.feature_groups)),
-            "log_grams": self.log_grams,
             "interval": {
                 "kind": _INTERVAL_KIND,
                 "coverage": self.interval.coverage,
@@ -138,7 +134,6 @@ class WeightSettings:
             settings = cls(
                 model=data["model"],
                 feature_groups=data["feature_groups"],
-                log_grams=data["log_grams"],
                 interval=IntervalSettings(interval["coverage"], interval["low"], interval["high"]),
             )
             if list(data["features"]) != list(feature_names(settings.feature_groups)):
@@ -195,7 +190,7 @@ class WeightModel:
         self._path, self._features = path, features
 
     def run(self, features: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Outputs ``grams`` (as the graph gives them) and ``spread``, (N,) each, for features (N, F).
+        """Outputs ``grams`` and ``spread``, (N,) each, for features (N, F).
 
         Raises
         ------
@@ -267,15 +262,14 @@ class LearnedWeightEstimator:
         """The same for what :func:`~punnet.weight.observe` saw."""
         seen = [berry for berry in observations if not isinstance(berry, str)]
         interval = self.settings.interval
-        raw, spread = self._model.run(feature_matrix(seen, self.settings.feature_groups))
-        found = iter(zip(raw.tolist(), spread.tolist(), strict=True))
+        grams_of, spread = self._model.run(feature_matrix(seen, self.settings.feature_groups))
+        found = iter(zip(grams_of.tolist(), spread.tolist(), strict=True))
         answers: list[tuple[float, float, float] | str] = []
         for berry in observations:
             if isinstance(berry, str):
                 answers.append(berry)
                 continue
-            value, width = next(found)
-            grams = _exp(value) if self.settings.log_grams else value
+            grams, width = next(found)
             answers.append((grams, grams * _exp(interval.low * width), grams * _exp(interval.high * width)))
         return gather_estimates(answers, interval.coverage)
 
