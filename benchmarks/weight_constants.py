@@ -3,7 +3,7 @@
     python benchmarks/weight_constants.py [--berries 300] [--clusters 40] [--first-seed 100]
 
 1. From meshes alone: volume against hull outline and extent, over random views of an upright berry.
-2. From simulated first views: the bulge that the depth camera shows.
+2. From simulated first views: the extent along the line of sight, and the bulge that the depth camera shows.
 3. Judgement on those views, true masks, with the depth camera's errors: PCW, coverage of the 90% interval, bias.
 4. The distribution of estimated weights of ripe berries beside the measured 18.6 ± 5.7 g (4.8…38.9 g).
 """
@@ -54,7 +54,10 @@ def from_meshes(berries: int, rng: np.random.Generator) -> tuple[list[float], li
 
 def judge(seeds: range) -> dict[str, np.ndarray]:
     """One row a berry in the clusters' first views."""
-    estimator, columns = EllipsoidEstimator(), ("true", "grams", "low", "high", "hidden", "gain", "ripe")
+    estimator, columns = (
+        EllipsoidEstimator(),
+        ("true", "grams", "low", "high", "hidden", "gain", "elongation", "ratio", "ripe"),
+    )
     rows = []
     for seed in seeds:
         world = build_world(seed)
@@ -65,16 +68,27 @@ def judge(seeds: range) -> dict[str, np.ndarray]:
         estimates = estimator.estimate(frame, truth)
         for i, (identity, seen) in enumerate(zip(truth.ids, observe(frame, truth), strict=True)):
             berry: Berry = world.cluster.berries[identity].berry
-            hidden, gain = 1.0, math.nan
+            hidden, gain, elongation, ratio = 1.0, math.nan, math.nan, math.nan
             if isinstance(seen, BerryObservation):
                 hidden = seen.hidden
                 if hidden <= 0.1 and len(seen.cloud) > 200:
-                    area = seen.outline.area * seen.scale**2
-                    gain = 2 * seen.relief / (berry.volume / (2 / 3 * EllipsoidConfig.shape_factor * area))
+                    outline, area = seen.outline, seen.outline.area * seen.scale**2
+                    thickness = berry.volume / (2 / 3 * EllipsoidConfig.shape_factor * area)
+                    gain = 2 * seen.relief / thickness
+                    elongation = outline.length / outline.width
+                    ratio = thickness / (math.sqrt(outline.length * outline.width) * seen.scale)
             ripe = float(berry.stage >= RipenessStage.RIPE)
             low, high = estimates.intervals[i]
-            rows.append((berry.mass, estimates.grams[i], low, high, hidden, gain, ripe))
+            rows.append((berry.mass, estimates.grams[i], low, high, hidden, gain, elongation, ratio, ripe))
     return dict(zip(columns, np.array(rows).T, strict=True))
+
+
+def report_thickness(name: str, elongations: np.ndarray, thicknesses: np.ndarray) -> None:
+    exponent, factor = np.polyfit(np.log(elongations), np.log(thicknesses), 1)
+    left = np.log(thicknesses) - factor - exponent * np.log(elongations)
+    print(
+        f"thickness_factor  {math.exp(factor):.3f}  exponent {exponent:.2f}  spread {np.std(left):.3f} ({name})"
+    )
 
 
 def report(name: str, rows: dict[str, np.ndarray], chosen: np.ndarray) -> None:
@@ -100,14 +114,12 @@ def main() -> None:
     parser.add_argument("--first-seed", type=int, default=100)
     arguments = parser.parse_args()
     factors, thicknesses, elongations = from_meshes(arguments.berries, np.random.default_rng(0))
-    exponent, factor = np.polyfit(np.log(elongations), np.log(thicknesses), 1)
-    left = np.log(thicknesses) - factor - exponent * np.log(elongations)
     print(f"shape_factor      {np.median(factors):.3f}  spread {np.std(np.log(factors)):.3f}")
-    print(
-        f"thickness_factor  {math.exp(factor):.3f}  exponent {exponent:.2f}  spread {np.std(left):.3f} (meshes)"
-    )
+    report_thickness("meshes", np.array(elongations), np.array(thicknesses))
     rows = judge(range(arguments.first_seed, arguments.first_seed + arguments.clusters))
-    gains = rows["gain"][~np.isnan(rows["gain"])]
+    clear = ~np.isnan(rows["gain"])
+    report_thickness("first views", rows["elongation"][clear], rows["ratio"][clear])
+    gains = rows["gain"][clear]
     print(f"relief_gain       {np.median(gains):.3f}  spread {np.std(np.log(np.maximum(gains, 0.1))):.3f}")
     free = rows["hidden"] <= EllipsoidConfig.calyx_share
     report("all", rows, np.full(len(free), True))

@@ -32,9 +32,9 @@ class EllipsoidConfig:
     shape_factor
         f in V = f · ⅔ A T: how much less a berry holds than an ellipsoid of the same outline.
     thickness_factor, elongation_exponent
-        T = factor · √(length · width) · (length / width)^exponent of the outline, before the cloud is asked: a berry
-        that looks broad is more often a wedge seen from its broad side. The calyx hides some of the length, so the
-        factor from pictures is above the one from meshes.
+        T = factor · √(length · width) · (length / width)^exponent of the outline, before the cloud is asked. A body of
+        revolution would have 1 and −½; a berry that looks broad is more often a wedge seen from its broad side. The
+        calyx hides some of the length, so the factor from pictures is above the one from meshes.
     thickness_spread, relief_spread
         Relative standard deviations of that guess and of what the cloud's bulge says: who is believed.
     relief_gain
@@ -56,8 +56,8 @@ class EllipsoidConfig:
 
     density: float = 0.92
     shape_factor: float = 0.960
-    thickness_factor: float = 0.915
-    elongation_exponent: float = 0.30
+    thickness_factor: float = 1.04
+    elongation_exponent: float = -0.42
     thickness_spread: float = 0.10
     relief_spread: float = 0.15
     relief_gain: float = 0.93
