@@ -1,14 +1,14 @@
-"""Simulated demonstrations of reach-to-pick, by the thesis' protocol (section 6.1), kinematically.
+"""Simulated demonstrations of reach-to-pick, by the thesis' protocol (section 6.1): how the arm moves.
 
 For each of 25 berry positions the arm reaches 10 times from home. As in the thesis the repeats differ by a
 random via-point and by the final orientation; here the elbow varies too, as it does between people's. Every
-reach ends with a straight approach along the tool's z axis.
+reach ends with a straight approach along the tool's z axis. What the camera sees of it:
+:mod:`punnet.sim.demonstrations_scene`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +20,7 @@ from punnet.planning.likely_joints import likely_joints
 from punnet.planning.promp_depth import APPROACH_DISTANCE, APPROACH_PHASE
 from punnet.robot import HOME, Panda
 
-__all__ = ["WORKSPACE", "Demonstrations", "simulate_demonstrations"]
+__all__ = ["WORKSPACE", "Demonstrations", "reach_to", "simulate_demonstrations"]
 
 WORKSPACE: NDArray[np.float64] = np.array([[0.70, -0.22, 0.58], [0.80, 0.18, 0.86]])
 """Lower and upper corner (2, 3) of the box that grip points are drawn from, metres in the base frame."""
@@ -86,16 +86,6 @@ class Demonstrations:
             self.joints[index], self.targets[index], self.configuration[index], self.durations[index]
         )
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain JSON; joints rounded to a microradian."""
-        return {
-            "schema": "punnet-demonstrations/1",
-            "joints": np.round(self.joints, 6).tolist(),
-            "targets": self.targets.tolist(),
-            "configuration": self.configuration.tolist(),
-            "durations": self.durations.tolist(),
-        }
-
 
 def simulate_demonstrations(
     rng: np.random.Generator,
@@ -129,13 +119,47 @@ def simulate_demonstrations(
             f"got {configurations}, {repeats}, {samples}"
         )
     arm = Panda() if arm is None else arm
-    centres = rng.uniform(WORKSPACE[0], WORKSPACE[1], size=(configurations, 3))
+    return reach_to(
+        rng, rng.uniform(WORKSPACE[0], WORKSPACE[1], size=(configurations, 3)), repeats, samples, arm=arm
+    )
+
+
+def reach_to(
+    rng: np.random.Generator,
+    points: ArrayLike,
+    repeats: int = 10,
+    samples: int = 150,
+    *,
+    arm: Panda | None = None,
+) -> Demonstrations:
+    """Demonstrate reaches to given grip points.
+
+    Parameters
+    ----------
+    rng
+        Source of all randomness.
+    points
+        (C, 3) metres in the base frame.
+    repeats, samples
+        Reaches to each, and instants T of each reach.
+    arm
+        The arm with its tool; the Panda with our picker if not given.
+
+    Raises
+    ------
+    ConfigurationError
+        If the arm can't reach a point in any of many attempts.
+    """
+    arm = Panda() if arm is None else arm
+    centres = np.asarray(points, dtype=np.float64)
+    if centres.ndim != 2 or centres.shape[1] != 3 or not np.isfinite(centres).all():
+        raise ShapeError(f"demonstrations: points must be finite (C, 3), got {centres.shape}")
     targets = np.repeat(centres, repeats, axis=0)
     joints = _reaches(rng, arm, targets, np.linspace(0.0, 1.0, samples))
     return Demonstrations(
         joints=joints,
         targets=targets,
-        configuration=np.repeat(np.arange(configurations), repeats),
+        configuration=np.repeat(np.arange(len(centres)), repeats),
         durations=_durations(arm, joints),
     )
 
