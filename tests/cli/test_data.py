@@ -216,6 +216,28 @@ def test_convert_to_yolo_says_what_is_lost(punnet, folder: Path, tmp_path: Path)
     ).fails_with("no data format 'abc'")
 
 
+def test_a_split_is_kept_in_yolo(punnet, folder: Path, tmp_path: Path) -> None:
+    assert (
+        "no part val" in punnet("data", "convert", folder, "--out", tmp_path / "1", "--to", "yolo-pose").err
+    )
+    shares = ("--train", "0.5", "--validation", "0.5", "--test", "0")
+    assert punnet("data", "split", folder, "--out", tmp_path / "parts", *shares).code == 0
+    lists = tmp_path / "parts" / "split.json"
+    command = ("data", "convert", folder, "--list", lists, "--out")
+    result = punnet(*command, tmp_path / "2", "--to", "yolo-pose")
+    assert result.code == 0, result.err
+    assert "no part val" not in result.err
+    counts = {part: len([*(tmp_path / "2" / "labels" / part).iterdir()]) for part in ("train", "val")}
+    assert counts == {"train": 3, "val": 3}
+    lists.write_text('{"parts": {"train": ["plant0-1.png"]}}')
+    result = punnet(*command, tmp_path / "3", "--to", "yolo-pose", "--json")
+    assert json.loads(result.out)["images"] == 1
+    assert "5 images are in no list" in result.err
+    lists.write_text('{"parts": {"best": ["plant0-1.png"]}}')
+    punnet(*command, tmp_path / "4", "--to", "yolo-pose").fails_with("train, val, test", "best")
+    punnet(*command, tmp_path / "4.json").fails_with("--list is for YOLO")
+
+
 def test_nothing_of_use_is_said(punnet, tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("not labels")
     for command in (

@@ -21,6 +21,7 @@ from punnet.data import (
     write_yolo,
 )
 from punnet.data.formats import guess_format
+from punnet.data.yolo_writer import YoloTask
 from punnet.errors import ConfigurationError, FileFormatError, OutputExistsError
 from punnet.scene import PLUCKABLE, UNPLUCKABLE
 from punnet.scene.masks import encode_mask
@@ -200,7 +201,7 @@ def test_masks_come_back(tmp_path_factory: pytest.TempPathFactory, centre: Any, 
     v, u = np.mgrid[:HEIGHT, :WIDTH]
     mask = ((u - centre[0]) / axes[0]) ** 2 + ((v - centre[1]) / axes[1]) ** 2 <= 1
     folder = tmp_path_factory.mktemp("yolo")
-    lost = write_yolo(dataset(folder, berry(segmentation=encode_mask(mask))), folder / "out", "segment")
+    lost = losses(dataset(folder, berry(segmentation=encode_mask(mask))), folder / "out", "segment")
     assert lost == []
     (image,) = read_yolo(folder / "out")
     found = image.mask(0)
@@ -208,9 +209,15 @@ def test_masks_come_back(tmp_path_factory: pytest.TempPathFactory, centre: Any, 
     assert image.annotations[0].class_index == UNPLUCKABLE
 
 
+def losses(source: Dataset, folder: Path, task: YoloTask) -> list[str]:
+    """What was lost of a set without ``val``, beside that."""
+    *lost, _ = write_yolo(source, folder, task)
+    return lost
+
+
 def test_keypoints_come_back(tmp_path: Path) -> None:
     source = dataset(tmp_path, berry(keypoints=POINTS, visibility=np.array([3, 2, 1, 2, 0])), berry(2))
-    lost = write_yolo(source, tmp_path / "out", "pose")
+    lost = losses(source, tmp_path / "out", "pose")
     assert lost == [
         "1 × hidden by something else, written as hidden (1)",
         "1 × without key-points, written as absent",
@@ -227,7 +234,7 @@ def test_parts_and_holes_of_a_mask_are_joined(tmp_path: Path) -> None:
     mask = np.zeros((HEIGHT, WIDTH), bool)
     mask[5:15, 10:20] = mask[5:25, 30:50] = mask[30, 60] = True
     mask[8:12, 35:40] = mask[20, 45] = False
-    lost = write_yolo(dataset(tmp_path, berry(segmentation=encode_mask(mask))), tmp_path / "out", "segment")
+    lost = losses(dataset(tmp_path, berry(segmentation=encode_mask(mask))), tmp_path / "out", "segment")
     assert lost == ["1 × mask of several parts or with holes, joined by lines without width"]
     found = read_yolo(tmp_path / "out")[0].mask(0)
     assert found is not None
@@ -273,6 +280,23 @@ def test_photographs_of_one_name_are_kept_apart(tmp_path: Path) -> None:
     assert sorted(image.path.name for image in found) == ["a-2.png", "a.jpg", "a.png"]
     assert [image.extra["split"] for image in found] == ["train", "train", "val"]
     assert all(len(image.annotations) == 1 for image in found)
+
+
+def test_without_val_the_images_of_train_stand_in_and_it_is_said(tmp_path: Path) -> None:
+    source = dataset(tmp_path, berry(segmentation=[[20.0, 8, 40, 8, 40, 28]]))
+    (said,) = write_yolo(source, tmp_path / "alone", "segment")
+    assert "no part val" in said
+    assert "val: images/train" in (tmp_path / "alone" / "data.yaml").read_text()
+    assert write_yolo({"train": source, "val": source}, tmp_path / "both", "segment") == []
+    assert "val: images/val" in (tmp_path / "both" / "data.yaml").read_text()
+
+
+def test_parts_that_were_read_are_written_again(tmp_path: Path) -> None:
+    source = dataset(tmp_path, berry(segmentation=[[20.0, 8, 40, 8, 40, 28]]))
+    parts = {"val": source, "train": source, "test": source}
+    write_yolo(parts, tmp_path / "first", "segment")
+    assert write_yolo(read_yolo(tmp_path / "first"), tmp_path / "again", "segment") == []
+    assert sorted(image.extra["split"] for image in read_yolo(tmp_path / "again")) == ["test", "train", "val"]
 
 
 def test_writing_is_whole_and_overwrites_nothing(tmp_path: Path) -> None:

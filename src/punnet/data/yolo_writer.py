@@ -38,7 +38,8 @@ def write_yolo(
     Parameters
     ----------
     parts
-        Data sets by part: ``train``, ``val``, ``test``; a data set alone is ``train``.
+        Data sets by part: ``train``, ``val``, ``test``; of a data set alone, images go to the part that their field
+        ``split`` names, as :func:`~punnet.data.yolo.read_yolo` leaves it, else to ``train``.
     folder
         Where to.
     task
@@ -50,7 +51,8 @@ def write_yolo(
     Returns
     -------
     list of str
-        What was lost, one line each with how many berries it concerns; empty if nothing was.
+        What was lost, one line each with how many berries it concerns, and a line if there is no ``val``: Ultralytics
+        does not train without one, so ``data.yaml`` names the first part's images. Empty if nothing is to be said.
 
     Raises
     ------
@@ -59,7 +61,7 @@ def write_yolo(
     FileFormatError
         If a photograph or a mask is missing.
     """
-    named = {"train": parts} if isinstance(parts, Dataset) else dict(parts)
+    named = _by_part(parts) if isinstance(parts, Dataset) else dict(parts)
     if task not in TASKS or not named or set(named) - set(PARTS):
         raise ConfigurationError(
             f"YOLO: task must be one of {', '.join(TASKS)}, parts some of {', '.join(PARTS)}; "
@@ -78,7 +80,22 @@ def write_yolo(
                 label = (output.path / "labels" / part / name).with_suffix(".txt")
                 label.write_text("".join(f"{line}\n" for line in lines))
         (output.path / "data.yaml").write_text(_yaml([*named], task))
-    return [f"{count} × {loss}" for loss, count in sorted(losses.items())]
+    lines = [f"{count} × {loss}" for loss, count in sorted(losses.items())]
+    if "val" not in named:
+        lines.append(
+            f"no part val was given: data.yaml names the images of {next(iter(named))} in its place, so that it can be "
+            "trained with; scores on those say nothing of other plants"
+        )
+    return lines
+
+
+def _by_part(dataset: Dataset) -> dict[str, Dataset]:
+    """Its images by the part that they say they belong to."""
+    found: dict[str, list[int]] = {}
+    for index, image in enumerate(dataset):
+        part = image.extra.get("split")
+        found.setdefault(part if part in PARTS else PARTS[0], []).append(index)
+    return {part: dataset.subset(found[part]) for part in PARTS if part in found} or {PARTS[0]: dataset}
 
 
 def _free_name(path: Path, taken: set[str]) -> str:
