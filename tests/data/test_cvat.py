@@ -108,14 +108,41 @@ def test_keypoints_that_fit_nothing_are_told(tmp_path: Path) -> None:
     assert np.array_equal(again[0].annotations[0].keypoints, dataset[0].annotations[0].keypoints)
 
 
-def test_brush_is_no_crowd_unless_said(tmp_path: Path) -> None:
-    runs = {"size": [HEIGHT, WIDTH], "counts": [620, 30, HEIGHT * WIDTH - 650]}
-    drawn = {**square(1, 5), "segmentation": runs, "bbox": [10, 20, 1, 30], "iscrowd": 1}
-    marked = {**square(2, 60), "iscrowd": 1, "attributes": {"is_crowd": True}}
-    plain = {**square(3, 30), "attributes": {"is_crowd": "false", "occluded": True}}
-    berries = read_cvat(export(tmp_path, [drawn, marked, plain], []))[0].annotations
-    assert [berry.crowd for berry in berries] == [False, True, False]
-    assert berries[2].extra["attributes"]["occluded"] is True
+# As CVAT writes what is drawn with the brush, or is marked as crowd.
+RUNS = {"size": [HEIGHT, WIDTH], "counts": [620, 30, HEIGHT * WIDTH - 650]}
+DRAWN = {"segmentation": RUNS, "bbox": [10, 20, 1, 30], "iscrowd": 1}
+
+
+def test_crowds_stay_crowds(tmp_path: Path) -> None:
+    # CVAT turns its attribute is_crowd into iscrowd and leaves it out; other programs keep it.
+    attributes = [{}, {"is_crowd": True}, {"is_crowd": "false", "occluded": True}, {"occluded": False}]
+    berries = [
+        {**square(1, 5), **DRAWN},
+        {**square(2, 60), "attributes": attributes[1]},
+        {**square(3, 60), **DRAWN, "attributes": attributes[2]},
+        {**square(4, 30), "iscrowd": 0, "attributes": attributes[3]},
+    ]
+    dataset = read_cvat(export(tmp_path, berries, []))
+    assert [berry.crowd for berry in dataset[0].annotations] == [True, True, False, False]
+    write_coco(dataset, tmp_path / "merged.json")
+    again = read_coco(tmp_path / "merged.json")[0].annotations
+    assert [berry.crowd for berry in again] == [True, True, False, False]
+    assert [berry.extra.get("attributes", {}) for berry in again] == attributes
+
+
+def test_a_set_drawn_with_the_brush_is_not_all_crowd(tmp_path: Path) -> None:
+    folder = export(tmp_path, [{**square(1, 5), **DRAWN}, {**square(2, 60), **DRAWN}], [])
+    with pytest.warns(UserWarning, match=r"all 2 berries are marked iscrowd.*attribute is_crowd"):
+        berries = read_cvat(folder)[0].annotations
+    assert [berry.crowd for berry in berries] == [False, False]
+
+
+def test_attributes_of_masks_and_skeletons_are_kept(tmp_path: Path) -> None:
+    berry = {**square(1, 5), "attributes": {"occluded": True, "cultivar": "Sonata"}}
+    points = skeleton(1, 5, attributes={"occluded": False, "annotator": 3})
+    first, second = read_cvat(export(tmp_path, [berry, square(2, 60)], [points]))[0].annotations
+    assert first.extra["attributes"] == {"occluded": True, "cultivar": "Sonata", "annotator": 3}
+    assert "attributes" not in second.extra
 
 
 def test_named_keypoints_in_another_order(tmp_path: Path) -> None:

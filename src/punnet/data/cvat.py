@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,8 +26,12 @@ def read_cvat(
 ) -> Dataset:
     """Read both exports of a task as one data set (:func:`~punnet.data.overlap.merge_by_overlap`).
 
-    The class of a berry is that of its mask; what the skeletons are called does not matter. CVAT writes ``iscrowd`` for
-    everything drawn with the brush, so a berry is crowd here only if its attribute ``is_crowd`` says so.
+    The class of a berry is that of its mask; what the skeletons are called does not matter. Attributes of both are kept;
+    where both have one, the mask's counts.
+
+    Crowd is what ``iscrowd`` says, or the attribute ``is_crowd`` where the file has it. Of a label without that attribute
+    CVAT writes ``iscrowd`` for everything drawn with the brush: where all berries are marked so, none is crowd, with a
+    warning.
 
     Parameters
     ----------
@@ -54,20 +59,36 @@ def read_cvat(
     skeletons = open_coco(found)
     names = {str(category.get("name")): "pluckable" for category in skeletons.categories().values()}
     berries = read_coco(masks, image_folder, class_map=class_map)
-    berries = replace(
+    return merge_by_overlap(_with_crowds(berries), read_coco(found, image_folder, class_map=names))
+
+
+def _with_crowds(berries: Dataset) -> Dataset:
+    """Which berries are crowd, as their annotator meant it."""
+    told = [_told_crowd(annotation) for image in berries for annotation in image.annotations]
+    flags = [annotation.crowd for image in berries for annotation in image.annotations]
+    drawn = bool(flags) and all(flags) and all(one is None for one in told)
+    if drawn:
+        warnings.warn(
+            f"{berries.name}: all {len(flags)} berries are marked iscrowd, as CVAT does with what is drawn by brush; "
+            "they are taken as berries. To mark crowd, give the label an attribute is_crowd",
+            stacklevel=3,
+        )
+
+    def marked(annotation: Annotation) -> Annotation:
+        one = _told_crowd(annotation)
+        return replace(annotation, crowd=not drawn and (annotation.crowd if one is None else one))
+
+    return replace(
         berries,
-        images=tuple(
-            replace(image, annotations=tuple(_marked_crowd(annotation) for annotation in image.annotations))
-            for image in berries
-        ),
+        images=tuple(replace(image, annotations=tuple(map(marked, image.annotations))) for image in berries),
     )
-    return merge_by_overlap(berries, read_coco(found, image_folder, class_map=names))
 
 
-def _marked_crowd(annotation: Annotation) -> Annotation:
+def _told_crowd(annotation: Annotation) -> bool | None:
+    """What the attribute says; None if there is none."""
     attributes = annotation.extra.get("attributes")
-    marked = attributes.get("is_crowd") if isinstance(attributes, dict) else None
-    return replace(annotation, crowd=bool(marked) and str(marked).lower() not in ("false", "0"))
+    given = attributes.get("is_crowd") if isinstance(attributes, dict) else None
+    return None if given is None else str(given).lower() not in ("false", "0", "")
 
 
 def find_exports(folder: Path) -> tuple[Path, Path]:

@@ -30,8 +30,9 @@ def merge_by_overlap(instances: Dataset, keypoints: Dataset) -> Dataset:
 
     Photographs are matched by name. In each, a set of key-points goes to the berry whose outline holds most of it (the
     picking point, which lies above the fruit, does not count unless it is all there is); points a little outside
-    count in part. One set to one berry, the best assignment of all. A set that fits no berry is left out with a
-    warning, and its id is told in ``extra["unmatched_keypoints"]``.
+    count in part. One set to one berry, the best assignment of all. With the points come the ``attributes`` that the
+    berry has not itself. A set that fits no berry is left out with a warning, and its id is told in
+    ``extra["unmatched_keypoints"]``.
 
     Raises
     ------
@@ -103,7 +104,11 @@ def _has_points(annotation: Annotation) -> bool:
 def _with_keypoints(annotation: Annotation, source: Annotation | None) -> Annotation:
     if source is None:
         return annotation
-    return replace(annotation, keypoints=source.keypoints, visibility=source.visibility)
+    extra = dict(annotation.extra)
+    if isinstance(given := source.extra.get("attributes"), dict):
+        own = extra.get("attributes")
+        extra["attributes"] = given | (own if isinstance(own, dict) else {})
+    return replace(annotation, keypoints=source.keypoints, visibility=source.visibility, extra=extra)
 
 
 def _assign(image: AnnotatedImage, other: AnnotatedImage) -> Iterator[tuple[int, Annotation]]:
