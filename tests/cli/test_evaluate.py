@@ -13,7 +13,7 @@ import pytest
 
 from punnet.data.coco import write_coco
 from punnet.data.dataset import AnnotatedImage, Annotation, Dataset
-from punnet.perception import ColourConfig, ColourDetector
+from punnet.perception import ColourDetector
 from punnet.scene import Frame
 from tests.perception.drawings import gravel, hang_berry
 from tests.perception.toy_detector import write_toy_bundle
@@ -31,7 +31,7 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
         mask = hang_berry(picture, (80 * number, 130))
         path = folder / f"{number}.png"
         cv2.imwrite(str(path), picture[:, :, ::-1])
-        seen = ColourDetector(ColourConfig.for_photographs()).detect(Frame(rgb=picture))
+        seen = ColourDetector().detect(Frame(rgb=picture))
         assert seen.keypoints is not None
         outline, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         berry = Annotation(

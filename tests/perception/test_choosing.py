@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,9 +14,9 @@ from tests.perception.toy_detector import write_toy_bundle
 
 
 def test_colour_is_the_baseline_with_its_settings() -> None:
-    detector = load_detector("colour", score_threshold=0.4, colour=ColourConfig.for_photographs())
+    detector = load_detector("colour", score_threshold=0.4, colour=ColourConfig(ripe=0.8))
     assert isinstance(detector, ColourDetector)
-    assert detector.config == replace(ColourConfig.for_photographs(), score=0.4)
+    assert detector.config == ColourConfig(ripe=0.8, score=0.4)
     plain = load_detector("colour")
     assert isinstance(plain, ColourDetector)
     assert plain.config == ColourConfig()

@@ -269,7 +269,7 @@ def test_settings_out_of_range_are_refused(settings: dict[str, float]) -> None:
 
 @pytest.mark.parametrize("folder", ["psd/dc_train", "psd/rh_train", "strawdi/test"])
 def test_real_photographs_have_ripe_berries(shared_data: Path, folder: str) -> None:
-    detector = ColourDetector(ColourConfig.for_photographs())
+    detector = ColourDetector()
     photographs = sorted((shared_data / folder / "img").glob("*.jpg"))[::40]
     found = sum(int(detector.detect(Frame(rgb=read_image(path))).pluckable.sum()) for path in photographs)
     assert found >= len(photographs) / 2

@@ -42,11 +42,10 @@ def detect(
     read is left out, said so, and makes the exit code 1.
     """
     from punnet.outputs import OutputFolder
-    from punnet.perception import ColourConfig
     from punnet.perception.batch import detect_photos, list_photos
 
     chosen = list_photos(photos)
-    eyes = detector_for_photographs(detector, score=score, colour=ColourConfig.for_photographs())
+    eyes = detector_for_photographs(detector, score=score)
     with OutputFolder(out, force=force) as output:
         results = []
         for result in track(detect_photos(chosen, eyes, output), len(chosen), "detecting"):

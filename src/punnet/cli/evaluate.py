@@ -80,8 +80,6 @@ def detector(
     docs/evaluation.md says how each is measured. Images that can't be read are left out, said so, and make the
     exit code 1.
     """
-    from dataclasses import replace
-
     from punnet.data.formats import read_dataset
     from punnet.data.splits.part import choose_part
     from punnet.outputs import OutputFolder
@@ -89,10 +87,8 @@ def detector(
     from punnet.perception.evaluation import evaluate_detector, prepare_detector
     from punnet.perception.evaluation_folder import write_evaluation
 
-    colour = ColourConfig.for_photographs()
-    eyes, settings = prepare_detector(
-        bundle, score=score, colour=colour if ripe is None else replace(colour, ripe=ripe)
-    )
+    colour = ColourConfig() if ripe is None else ColourConfig(ripe=ripe)
+    eyes, settings = prepare_detector(bundle, score=score, colour=colour)
     images = read_dataset(data, data_format)
     if split is not None:
         images = choose_part(images, split)

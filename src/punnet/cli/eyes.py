@@ -8,19 +8,17 @@ from punnet.cli.console import note
 from punnet.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from punnet.perception import ColourConfig, Detector
+    from punnet.perception import Detector
 
 __all__ = ["detector_for_photographs", "perception_in_simulation"]
 
 
-def detector_for_photographs(
-    name: str | None, *, score: float | None = None, colour: ColourConfig | None = None
-) -> Detector:
+def detector_for_photographs(name: str | None, *, score: float | None = None) -> Detector:
     """The detector of that name, the one for photographs if None; what must not be done with it is said."""
     from punnet.perception import LearnedDetector, load_detector
     from punnet.perception.choosing import PHOTOGRAPH_DETECTOR
 
-    detector = load_detector(name or PHOTOGRAPH_DETECTOR, score_threshold=score, colour=colour)
+    detector = load_detector(name or PHOTOGRAPH_DETECTOR, score_threshold=score)
     if isinstance(detector, LearnedDetector) and detector.manifest.restriction:
         note(
             f"detector {detector.name}: {detector.manifest.restriction}; punnet models says what to cite. "

@@ -13,7 +13,7 @@ from punnet.harvest.config import HarvestConfig
 from punnet.harvest.judge import Fate, judge, reachable_berries
 from punnet.harvest.loop import Harvester, Listener
 from punnet.perception import load_detector
-from punnet.perception.choosing import HARVEST_RIPENESS, SIMULATION_DETECTOR
+from punnet.perception.choosing import SIMULATION_DETECTOR
 from punnet.planning import ProMPDepthPlanner
 from punnet.sim.depth_sensor import StereoDepthModel
 from punnet.sim.oracle import OracleDetector, OracleScale
@@ -64,11 +64,7 @@ class Session:
         self.truth_of: dict[int, float] = {}
         """True grams of what each attempt brought off the plant, by its number."""
         # First of all: a detector that can't be had is found out before a plant is grown.
-        detector = (
-            None
-            if scenario.perception == ORACLE
-            else load_detector(scenario.perception, least_ripeness=HARVEST_RIPENESS)
-        )
+        detector = None if scenario.perception == ORACLE else load_detector(scenario.perception)
         self.world = build_world(scenario.seed, scenario.world)
         self.reachable = reachable_berries(self.world)
         noise = np.random.default_rng((scenario.seed, 1))

@@ -9,16 +9,12 @@ from punnet.perception.colour import ColourConfig, ColourDetector
 from punnet.perception.detector import Detector
 from punnet.perception.learned import LearnedDetector
 
-__all__ = ["COLOUR", "HARVEST_RIPENESS", "PHOTOGRAPH_DETECTOR", "SIMULATION_DETECTOR", "load_detector"]
+__all__ = ["COLOUR", "PHOTOGRAPH_DETECTOR", "SIMULATION_DETECTOR", "load_detector"]
 
 COLOUR = "colour"
 
 SIMULATION_DETECTOR = "sim-fast"
 """What the simulator's harvests use unless told otherwise."""
-
-HARVEST_RIPENESS = 0.92
-"""What a learned detector must see of red before the simulator's harvest picks: its half-red berries look .3 to .94 ripe, its
-ripe ones .90 to .97 (seeds 300 to 329)."""
 
 PHOTOGRAPH_DETECTOR = "field-fast"
 """What photographs are searched with unless told otherwise."""
@@ -29,7 +25,6 @@ def load_detector(
     *,
     score_threshold: float | None = None,
     colour: ColourConfig | None = None,
-    least_ripeness: float = 0.0,
     threads: int | None = None,
 ) -> Detector:
     """Make a detector ready.
@@ -42,8 +37,6 @@ def load_detector(
         Score from which detections are given; the detector's own if None.
     colour
         Settings of the baseline; not used by learned detectors.
-    least_ripeness
-        What looks less ripe is unpluckable for a learned detector; the baseline has its own setting.
     threads
         Cores for a learned detector; None takes ``OMP_NUM_THREADS``, or all cores if that is not set.
 
@@ -55,9 +48,7 @@ def load_detector(
         If a setting is out of range.
     """
     if source != COLOUR:
-        return LearnedDetector.from_bundle(
-            source, threads=threads, score_threshold=score_threshold, least_ripeness=least_ripeness
-        )
+        return LearnedDetector.from_bundle(source, threads=threads, score_threshold=score_threshold)
     config = colour or ColourConfig()
     if score_threshold is not None:
         config = replace(config, score=score_threshold)

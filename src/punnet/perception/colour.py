@@ -24,7 +24,6 @@ __all__ = ["ColourConfig", "ColourDetector"]
 
 _LOG = logging.getLogger(__name__)
 SMALLEST_SIDE = 16
-PHOTOGRAPH_RIPENESS = 0.65
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +37,8 @@ class ColourConfig:
     working_pixels
         Larger images are reduced to about this many pixels; masks come back at full size.
     ripe
-        Ripeness from which a berry is pluckable. The default, for robots, asks for red all over: a berry picked
-        too early is lost, one left can be picked later. :meth:`for_photographs` counts "up to 90% red" in.
+        Ripeness from which a berry is pluckable. The default is that of people who label photographs (fitted to
+        ``psd/dc_train``), and lies in the gap between the simulator's turning and ripe berries.
     score
         Detections below this score are dropped.
     most_berries
@@ -59,7 +58,7 @@ class ColourConfig:
     blobs: BlobConfig = field(default_factory=BlobConfig)
     keypoints: KeypointConfig = field(default_factory=KeypointConfig)
     working_pixels: int = 600_000
-    ripe: float = 0.87
+    ripe: float = 0.65
     score: float = 0.2
     most_berries: int = 100
     mask_bytes: int = 4_000_000_000
@@ -74,11 +73,6 @@ class ColourConfig:
             raise ConfigurationError(
                 f"colour detector: ripe must lie in (0, 1) and score in [0, 1), got {self.ripe}, {self.score}"
             )
-
-    @classmethod
-    def for_photographs(cls) -> ColourConfig:
-        """Settings whose idea of pluckable is that of people who label photographs (fitted to ``psd/dc_train``)."""
-        return cls(ripe=PHOTOGRAPH_RIPENESS)
 
 
 class ColourDetector:

@@ -181,7 +181,7 @@ def prepare_detector(
     BundleError, ConfigurationError
         If the detector can't be loaded.
     """
-    colour = ColourConfig.for_photographs() if colour is None else colour
+    colour = ColourConfig() if colour is None else colour
     if source == COLOUR:
         detector, own = load_detector(source, colour=colour), colour.score
     else:
