@@ -6,6 +6,7 @@ import pytest
 from punnet.errors import BundleError, ConfigurationError, PlanningError
 from punnet.harvest.attempts import Outcome, Phase
 from punnet.harvest.config import HarvestConfig
+from punnet.harvest.order import picking_order
 from punnet.harvest.scenario import Scenario, Session
 from punnet.movement import JointTrajectory
 from punnet.perception.choosing import SIMULATION_DETECTOR
@@ -21,6 +22,8 @@ PLANT = ClusterConfig(
     canopy_leaves=(2, 2),
     hanging_leaves=(0, 0),
 )
+
+THREE_RIPE = 5  # the seed of a plant of three ripe berries
 
 
 def a_session(seed=2, perception="oracle", **harvest):
@@ -52,6 +55,7 @@ def test_the_run_tells_what_the_world_knows(harvested):
     for attempt in run.picked:
         assert attempt.weighed == pytest.approx(session.truth_of[attempt.number], abs=1.0)
         assert attempt.phase is Phase.PLACE
+        assert attempt.punnet == attempt.meant_for
         assert attempt.seconds_simulated > 3.0
         assert attempt.distribution is not None
 
@@ -78,6 +82,44 @@ def test_a_step_that_fails_is_named_and_tried_again_then_left(name, result, phas
         assert {attempt.phase for attempt in run.attempts} == {phase}
         assert all(reason in attempt.reason for attempt in run.attempts)
         assert session.world.attached().all()
+
+
+def test_a_berry_lost_on_the_way_is_not_in_the_punnet():
+    with a_session(attempts=1) as session:
+        session.robot.weigh_punnet = lambda punnet: 0.2
+        run = session.run()
+        assert run.attempts
+        assert not run.picked
+        assert all("lost" in attempt.reason for attempt in run.attempts)
+        assert run.punnet_weights == [0.2, 0.0]
+        assert run.punnets_full == [False, False]
+
+
+def test_full_punnets_take_no_more():
+    with a_session(seed=THREE_RIPE, attempts=1, punnet_berries=1) as session:
+        run = session.run()
+        assert [attempt.punnet for attempt in run.picked] == [0, 1]
+        assert run.punnets_full == [True, True]
+        left = run.attempts[2:]
+        assert left
+        assert all(a.outcome is Outcome.SKIPPED and "all punnets are full" in a.reason for a in left)
+
+
+def test_a_berry_that_does_not_fit_waits_for_one_that_does():
+    with a_session(seed=THREE_RIPE, nominal_punnet=60.0) as session:
+        harvester = session.harvester
+        run = harvester.run_so_far
+        frame, berries = harvester._look(run)
+        first, second = picking_order(frame, berries)[:2]
+        grams = np.full(len(berries), 40.0)
+        grams[second] = 12.0
+        berries = berries.with_fields(weights=grams, weight_intervals=grams[:, None] * np.array([0.95, 1.05]))
+        for punnet in (0, 1):
+            harvester._packer.observe(punnet, 50.0)
+        assert harvester._choose(run, frame, berries) == (second, 0)
+        harvester._remember_try(berries.picking_points[second])
+        harvester._remember_try(berries.picking_points[second])
+        assert harvester._choose(run, frame, berries) == (first, 0)  # none fits: the best of them
 
 
 def test_a_berry_out_of_reach_is_skipped_with_the_reason():

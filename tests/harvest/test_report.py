@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from punnet.errors import ConfigurationError, FileFormatError, OutputError
+from punnet.harvest.estimates_drawing import draw_estimates
 from punnet.harvest.records import HarvestReport, LeftRecord, PickRecord, PunnetRecord
 from punnet.harvest.report import render_report, write_report
 
@@ -48,7 +49,7 @@ def report() -> HarvestReport:
         ripe=4,
         picks=picks,
         left=(LeftRecord(8, "unpluckable", "not ripe"), LeftRecord(9, "pluckable", "hidden by a leaf")),
-        punnets=(PunnetRecord(1, 20.4, 250.0, 1), PunnetRecord(2, 0.0, 250.0, 0)),
+        punnets=(PunnetRecord(1, 253.0, 250.0, 13, 248.0, full=True), PunnetRecord(2, 20.4, 250.0, 1, 22.0)),
         seconds_simulated=18.0,
         seconds_computing=7.0,
         settings={"seed": 7, "detector": "colour", "speed": 0.5},
@@ -94,13 +95,34 @@ def parse(page: str) -> Structure:
 def test_page_says_what_happened(report: HarvestReport) -> None:
     text = " ".join(parse(render_report(report)).text.split())
     assert "1 of 4 ripe strawberries picked" in text
-    assert "20 g" in text
+    assert "273 g" in text
     assert "18.0 s" in text  # a picked berry, failures included
     assert "10%" in text  # |22 − 20| / 20
     for words in ("the stem lies <14 mm> below & behind", "out of reach", "hidden by a leaf", "not ripe"):
         assert words in text
     assert "22.0 g (17.0 to 27.5)" in text
     assert "seed" in text
+
+
+def test_page_tells_weights_by_eye_and_in_truth(report: HarvestReport) -> None:
+    page = render_report(report)
+    text = " ".join(parse(page).text.split())
+    assert "Estimated before the pick: 22 g. They weigh 20 g: the estimate was off by +10.0%." in text
+    assert "1 of 1 lie in their interval" in text
+    assert "248 g by eye before picking · full; giveaway +1.2%" in text
+    assert "22 g by eye before picking · not full yet" in text
+    assert page.count('class="estimates"') == 1
+    unknown = replace(report, picks=report.picks[1:])
+    assert "in truth" not in render_report(unknown)
+
+
+def test_estimates_lie_over_what_the_berries_weigh() -> None:
+    """Both axes go to 20 g over 240 units from 40: 16 g by eye of one that weighs 20 g lies at (280, 88)."""
+    pick = PickRecord(1, "pluckable", "picked", estimate_g=16.0, interval_g=(10.0, 25.0), true_g=20.0)
+    drawing = draw_estimates([pick, replace(pick, estimate_g=None), replace(pick, true_g=None)])
+    assert re.findall(r'<circle cx="([\d.]+)" cy="([\d.]+)"', drawing) == [("280.0", "88.0")]
+    assert 'x1="280.0" x2="280.0" y1="160.0" y2="40.0"' in drawing
+    assert draw_estimates([replace(pick, estimate_g=float("nan"))]) == ""
 
 
 def test_page_loads_nothing_from_elsewhere(report: HarvestReport) -> None:
@@ -151,7 +173,11 @@ def test_writing(report: HarvestReport, tmp_path: Path) -> None:
 def test_json_holds_everything_but_the_pictures(report: HarvestReport) -> None:
     data = json.loads(json.dumps(report.to_json(), allow_nan=False))
     assert data["schema"] == "punnet-harvest/1"
-    assert (data["picked"], data["ripe"], data["grams"]) == (1, 4, 20.4)
+    assert (data["picked"], data["ripe"], data["grams"]) == (1, 4, 273.4)
+    assert [punnet["full"] for punnet in data["punnets"]] == [True, False]
+    assert data["punnets"][0]["giveaway"] == pytest.approx(0.012)
+    assert data["punnets"][0]["estimated_g"] == 248.0
+    assert data["punnets"][1]["giveaway"] is None
     assert data["seconds_a_pick"] == 18.0
     assert data["mean_relative_weight_error"] == pytest.approx(0.1)
     assert data["picks"][0]["interval_g"] == [17.0, 27.5]

@@ -40,7 +40,8 @@ class Attempt:
     """One turn to one berry, as the robot knows it.
 
     ``picking_point`` is (3,) metres in the base frame, NaN if depth gave none; ``estimate`` and ``interval`` are grams,
-    NaN if unknown; ``weighed`` is what the weigh cell gained, NaN if nothing was placed; ``punnet`` is where it went.
+    NaN if unknown; ``meant_for`` is the punnet that was chosen for it before the pick, None if all were full; ``weighed`` is
+    what the weigh cell gained, NaN if nothing was placed; ``punnet`` is where it went.
     """
 
     number: int
@@ -50,6 +51,7 @@ class Attempt:
     picking_point: NDArray[np.float64]
     estimate: float
     interval: tuple[float, float]
+    meant_for: int | None
     outcome: Outcome = Outcome.FAILED
     phase: Phase = Phase.LOCATE
     reason: str | None = None
@@ -69,7 +71,7 @@ class Attempt:
 
 @dataclass(eq=False)
 class HarvestRun:
-    """All attempts of a run, what was seen first and last, and the punnets' weights in grams.
+    """All attempts of a run, what was seen first and last, the punnets' weights in grams and which of them are full.
 
     ``interrupted`` is True when the run was stopped from outside (Ctrl-C) and holds what was done until then;
     ``stopped`` is why the robot ended it early, None if it did not.
@@ -80,6 +82,7 @@ class HarvestRun:
     first_berries: Strawberries | None = None
     last_berries: Strawberries | None = None
     punnet_weights: list[float] = field(default_factory=list)
+    punnets_full: list[bool] = field(default_factory=list)
     seconds_simulated: float = 0.0
     seconds_computing: float = 0.0
     interrupted: bool = False

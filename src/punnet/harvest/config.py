@@ -31,6 +31,8 @@ class HarvestConfig:
         Opening of the separation fingers once the stem is between the pads, in [0, 1].
     nominal_punnet
         Grams that a punnet should hold.
+    punnet_berries
+        Berries at which a punnet is full whatever it weighs.
     """
 
     speed: float = 0.9
@@ -41,6 +43,7 @@ class HarvestConfig:
     most_looks: int = 60
     separation: float = 1.0
     nominal_punnet: float = 250.0
+    punnet_berries: int = 18
 
     def __post_init__(self) -> None:
         if not (0 < self.speed <= 1 and 0 < self.careful_speed <= 1):

@@ -1,4 +1,4 @@
-"""The harvest loop: look, perceive, weigh, choose, plan, reach, separate, grip, cut, retreat, place; look again."""
+"""The harvest loop: look, perceive, weigh, choose berry and punnet, plan, reach, separate, grip, cut, retreat, place."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from punnet.harvest.attempts import Attempt, HarvestRun, Outcome, Phase
 from punnet.harvest.config import HarvestConfig
 from punnet.harvest.motions import Motions
 from punnet.harvest.order import obstacles, picking_order
-from punnet.harvest.punnets import PunnetFiller
 from punnet.perception.detector import Detector
 from punnet.perception.picking_points import locate_picking_points
 from punnet.planning import Planner
@@ -22,6 +21,7 @@ from punnet.planning.clearance import approach_directions
 from punnet.robot import Panda, Robot
 from punnet.scene import Frame, Strawberries, Target
 from punnet.weight import WeightEstimator
+from punnet.weight.packing import LookAhead, Packer, PackingConfig, WeighedBerry
 
 __all__ = ["CUTTING", "Harvester", "Listener"]
 
@@ -78,7 +78,8 @@ class Harvester:
         self._planner = planner
         self._tell = listener or (lambda line, attempt: None)
         self._motions = Motions(robot, Panda(), punnet_places, self.config)
-        self._filler = PunnetFiller(len(punnet_places), self.config.nominal_punnet)
+        packing = PackingConfig(self.config.nominal_punnet, self.config.punnet_berries)
+        self._packer = Packer(LookAhead(packing), len(punnet_places))
         self._tried: list[_Remembered] = []
         self.run_so_far = HarvestRun()
 
@@ -94,16 +95,17 @@ class Harvester:
             self._go_home()
             for _ in range(self.config.most_looks):
                 frame, berries = self._look(run)
-                row = self._choose(frame, berries)
-                if row is None:
+                chosen = self._choose(run, frame, berries)
+                if chosen is None:
                     break
-                self._attempt(run, frame, berries, row)
+                self._attempt(run, frame, berries, *chosen)
         except KeyboardInterrupt:
             run.interrupted = True
         except (RobotError, KinematicsError) as error:
             run.stopped = str(error)
             self._tell(f"stopped: {error}", None)
-        run.punnet_weights = list(self._filler.weights)
+        run.punnet_weights = [punnet.grams for punnet in self._packer.punnets.values()]
+        run.punnets_full = [number in self._packer.due() for number in self._packer.punnets]
         run.seconds_simulated = self._robot.time - began
         run.seconds_computing = time.perf_counter() - clock
         return run
@@ -128,12 +130,31 @@ class Harvester:
         self._tell(f"sees {len(berries)} berries, {int(berries.pluckable.sum())} pluckable", None)
         return frame, berries
 
-    def _choose(self, frame: Frame, berries: Strawberries) -> int | None:
-        """The next berry that has tries left."""
-        for row in picking_order(frame, berries):
-            if self._memory(berries.picking_points[row]).tries < self.config.attempts:
-                return int(row)
-        return None
+    def _choose(self, run: HarvestRun, frame: Frame, berries: Strawberries) -> tuple[int, int | None] | None:
+        """The next berry that has tries left and fits a punnet, and that punnet.
+
+        A berry that fits none waits on the plant; when there are only such, the one that fits best. No punnet:
+        all are full.
+        """
+        rows = [
+            int(row)
+            for row in picking_order(frame, berries)
+            if self._memory(berries.picking_points[row]).tries < self.config.attempts
+        ]
+        if not rows:
+            return None
+        number = len(run.attempts) + 1
+        offers = []
+        for row in rows:
+            best = self._packer.best(_weighed(berries, row, number))
+            if best is None:
+                return row, None
+            punnet, cost = best
+            if cost <= self._packer.policy.price_aside:
+                return row, punnet
+            offers.append((cost, row, punnet))
+        _, row, punnet = min(offers)
+        return row, punnet
 
     def _memory(self, point: NDArray[np.float64]) -> _Remembered:
         for place in self._tried:
@@ -147,7 +168,9 @@ class Harvester:
             self._tried.append(place)
         place.tries += 1
 
-    def _attempt(self, run: HarvestRun, frame: Frame, berries: Strawberries, row: int) -> None:
+    def _attempt(
+        self, run: HarvestRun, frame: Frame, berries: Strawberries, row: int, punnet: int | None
+    ) -> None:
         low, high = berries.weight_intervals[row]
         attempt = Attempt(
             number=len(run.attempts) + 1,
@@ -157,6 +180,7 @@ class Harvester:
             picking_point=berries.picking_points[row],
             estimate=float(berries.weights[row]),
             interval=(float(low), float(high)),
+            meant_for=punnet,
         )
         run.attempts.append(attempt)
         self._remember_try(attempt.picking_point)
@@ -188,7 +212,7 @@ class Harvester:
 
     def _plan(self, attempt: Attempt) -> None:
         attempt.phase = Phase.PLAN
-        if self._filler.choose() is None:
+        if attempt.meant_for is None:
             raise _StepError("all punnets are full")
         directions, _ = approach_directions(
             attempt.picking_point, obstacles(attempt.frame, attempt.berries, attempt.row)
@@ -231,23 +255,30 @@ class Harvester:
 
     def _retreat_and_place(self, attempt: Attempt) -> None:
         attempt.phase = Phase.RETREAT
-        punnet = self._filler.choose()
-        if punnet is None:  # ruled out when planning; a punnet can't fill up on the way
-            raise _StepError("all punnets are full")
+        punnet = attempt.meant_for
+        assert punnet is not None  # without one there was no plan
         self._tell(f"carries it to punnet {punnet + 1}", attempt)
         moved = self._motions.retreat()
         self._robot.separate(0.0)
         attempt.phase = Phase.PLACE
         if moved.reached:
-            moved = self._motions.carry(punnet, self._filler.counts[punnet])
+            moved = self._motions.carry(punnet, len(self._packer.punnets[punnet].berries))
         if moved.reached:
             self._motions.leave_punnet()
+        berry = _weighed(attempt.berries, attempt.row, attempt.number)
+        self._packer.place(punnet, berry)
         self._go_home()
-        gained = self._filler.observe(punnet, self._robot.weigh_punnet(punnet))
+        gained = self._packer.observe(punnet, self._robot.weigh_punnet(punnet))
         if gained < _EMPTY_PUNNET_NOISE:
-            self._filler.counts[punnet] -= 1
+            self._packer.lost(punnet, berry)
             raise _StepError(moved.reason or "the berry was lost on the way to the punnet")
         attempt.weighed, attempt.punnet = gained, punnet
+
+
+def _weighed(berries: Strawberries, row: int, number: int) -> WeighedBerry:
+    """One of ``berries`` as the packer takes it."""
+    low, high = berries.weight_intervals[row]
+    return WeighedBerry(number, float(berries.weights[row]), float(low), float(high))
 
 
 def _place(point: NDArray[np.float64]) -> str:

@@ -72,6 +72,11 @@ class PickRecord:
                 f"pick {self.id}: a berry has a reason if, and only if, it was not picked"
             )
 
+    @property
+    def actual_g(self) -> float | None:
+        """Grams by the truth, else by the weigh cell; None if neither is known."""
+        return self.weighed_g if self.true_g is None else self.true_g
+
     def to_json(self) -> dict[str, Any]:
         """Plain values, without pictures."""
         return {
@@ -104,12 +109,33 @@ class LeftRecord:
 
 @dataclass(frozen=True)
 class PunnetRecord:
-    """A punnet at the end: ``grams`` by its weigh cell, of ``nominal_g``, and how many ``berries``."""
+    """A punnet at the end.
+
+    Parameters
+    ----------
+    number
+        From 1.
+    grams, nominal_g
+        By its weigh cell, and what it should hold.
+    berries
+        How many are in it.
+    estimated_g
+        Sum of what its berries were estimated at before they were picked; None if one of them was not.
+    full
+        Whether it is finished: better closed than given one more berry.
+    """
 
     number: int
     grams: float
     nominal_g: float
     berries: int
+    estimated_g: float | None = None
+    full: bool = False
+
+    @property
+    def giveaway(self) -> float | None:
+        """(grams − nominal) / nominal of a full punnet, None of one that is not."""
+        return (self.grams - self.nominal_g) / self.nominal_g if self.full else None
 
     def to_json(self) -> dict[str, Any]:
         """Plain values."""
@@ -118,6 +144,9 @@ class PunnetRecord:
             "grams": round(self.grams, 2),
             "nominal_g": self.nominal_g,
             "berries": self.berries,
+            "estimated_g": _plain(self.estimated_g),
+            "full": self.full,
+            "giveaway": _plain(self.giveaway, 4),
         }
 
 
@@ -187,7 +216,7 @@ class HarvestReport:
         """Mean relative error of the estimates of picked berries against the truth, else the weigh cell."""
         errors = []
         for pick in self.picked:
-            truth = pick.true_g if pick.true_g is not None else pick.weighed_g
+            truth = pick.actual_g
             if truth and pick.estimate_g is not None and math.isfinite(pick.estimate_g):
                 errors.append(abs(pick.estimate_g - truth) / truth)
         return sum(errors) / len(errors) if errors else None

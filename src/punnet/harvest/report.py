@@ -12,6 +12,7 @@ from string import Template
 from typing import Any
 
 from punnet.errors import FileFormatError, OutputError
+from punnet.harvest.estimates_drawing import draw_estimates, weighed_twice
 from punnet.harvest.records import HarvestReport, LeftRecord, PickRecord, PunnetRecord
 from punnet.harvest.weight_drawing import draw_weights
 
@@ -60,6 +61,7 @@ def render_report(report: HarvestReport) -> str:
         picks=_section(
             "Berry by berry", f'<div class="cards">{_join(_card, report.picks)}</div>', report.picks
         ),
+        weights=_weights(report),
         punnets=_section(
             "In the punnets", f'<div class="punnets">{_join(_punnet, report.punnets)}</div>', report.punnets
         ),
@@ -126,14 +128,33 @@ def _card(pick: PickRecord) -> str:
     )
 
 
+def _weights(report: HarvestReport) -> str:
+    """All estimates against what the berries weigh, and how far their sum is off."""
+    pairs = weighed_twice(report.picked)
+    if not pairs:
+        return ""
+    by_eye, weigh = sum(estimate for estimate, _, _ in pairs), sum(actual for _, actual, _ in pairs)
+    bounds = [(interval, actual) for _, actual, interval in pairs if interval is not None]
+    inside = sum(low <= actual <= high for (low, high), actual in bounds)
+    words = (
+        f"<p>Estimated before the pick: <b>{by_eye:.0f} g</b>. They weigh <b>{weigh:.0f} g</b>: "
+        f"the estimate was off by {by_eye / weigh - 1:+.1%}. {inside} of {len(bounds)} lie in their interval.</p>"
+        '<p class="soft">A dot on the line is right, in the band right within 20%; bars are the intervals.</p>'
+    )
+    drawing = draw_estimates(report.picked)
+    return _section("By eye and in truth", f'<div class="by-eye">{drawing}<div>{words}</div></div>', pairs)
+
+
 def _punnet(punnet: PunnetRecord) -> str:
     share = 100 * min(1.0, punnet.grams / punnet.nominal_g) if punnet.nominal_g > 0 else 0.0
     berries = "1 berry" if punnet.berries == 1 else f"{punnet.berries} berries"
+    words = [f"{punnet.estimated_g:.0f} g by eye before picking"] if punnet.estimated_g else []
+    words.append("not full yet" if punnet.giveaway is None else f"full; giveaway {punnet.giveaway:+.1%}")
     return (
         f'<article class="card"><h3>Punnet {punnet.number}</h3>'
         f'<div class="fill" role="img" aria-label="{share:.0f}% full">'
         f'<i style="width:{share:.1f}%"></i></div><span class="number">{punnet.grams:.0f} g</span> '
-        f'<span class="soft">of {punnet.nominal_g:.0f} g · {berries}</span>'
+        f'<span class="soft">of {punnet.nominal_g:.0f} g · {berries}<br>{" · ".join(words)}</span>'
         "</article>"
     )
 

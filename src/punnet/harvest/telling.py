@@ -117,13 +117,21 @@ def _why_left(berries: Strawberries, row: int) -> str:
 
 
 def _punnets(session: Session, run: HarvestRun) -> list[PunnetRecord]:
-    counts = [
-        sum(attempt.punnet == punnet for attempt in run.picked) for punnet in range(len(run.punnet_weights))
-    ]
-    return [
-        PunnetRecord(number + 1, grams, session.scenario.harvest.nominal_punnet, count)
-        for number, (grams, count) in enumerate(zip(run.punnet_weights, counts, strict=True))
-    ]
+    records = []
+    for punnet, (grams, full) in enumerate(zip(run.punnet_weights, run.punnets_full, strict=True)):
+        estimates = [attempt.estimate for attempt in run.picked if attempt.punnet == punnet]
+        estimated = sum(estimates)
+        records.append(
+            PunnetRecord(
+                punnet + 1,
+                grams,
+                session.scenario.harvest.nominal_punnet,
+                len(estimates),
+                None if math.isnan(estimated) else estimated,
+                full,
+            )
+        )
+    return records
 
 
 def _crop(attempt: Attempt) -> bytes:

@@ -6,7 +6,7 @@ import math
 
 from punnet.harvest.records import PickRecord
 
-__all__ = ["draw_weights"]
+__all__ = ["axis_scale", "draw_weights"]
 
 WIDTH, LEFT, RIGHT, AXIS, MIDDLE = 300.0, 4.0, 292.0, 38.0, 20.0
 NICE_STEPS = (5.0, 10.0, 20.0, 25.0, 50.0, 100.0)
@@ -20,8 +20,7 @@ def draw_weights(pick: PickRecord) -> str:
         return '<div class="weight soft">No weight: depth told nothing of this berry.</div>'
     interval = [max(0.0, grams) for grams in pick.interval_g or () if math.isfinite(grams)]
     highest = max(*known, *interval, 0.0)
-    step = next((size for size in NICE_STEPS if highest / size <= 5), NICE_STEPS[-1])
-    top = float(step * max(1, math.ceil(highest / step)))
+    step, top = axis_scale(highest)
 
     def place(grams: float) -> float:
         return LEFT + (RIGHT - LEFT) * grams / top
@@ -49,6 +48,12 @@ def draw_weights(pick: PickRecord) -> str:
         f'<svg viewBox="0 0 {WIDTH:.0f} 54" role="img" aria-label="Weights in grams">{"".join(marks)}</svg>'
     )
     return f'<div class="weight">{drawing}<dl>{"".join(words)}</dl></div>'
+
+
+def axis_scale(highest: float) -> tuple[float, float]:
+    """Step and end of an axis from 0 that holds ``highest`` grams."""
+    step = next((size for size in NICE_STEPS if highest / size <= 5), NICE_STEPS[-1])
+    return step, float(step * max(1, math.ceil(highest / step)))
 
 
 def _known(grams: float | None) -> float | None:
