@@ -31,7 +31,7 @@ class EstimationErrors:
     Raises
     ------
     ShapeError
-        If the shapes differ, there are none, or a weight is not positive.
+        If the shapes differ, there are none, a weight is not positive, or an interval's bounds are out of order.
     """
 
     true: NDArray[np.float64]
@@ -53,6 +53,8 @@ class EstimationErrors:
             )
         if not ((self.true > 0) & np.isfinite(self.true)).all() or (self.estimates <= 0).any():
             raise ShapeError("estimation errors: weights and estimates must be positive")
+        if (self.intervals[:, 0] > self.intervals[:, 1]).any():
+            raise ShapeError("estimation errors: an interval is the wrong way round")
 
     def typical(self, population: BerryPopulation) -> float:
         """Error of what a packer believes, root mean square, as a share of the mean weight."""

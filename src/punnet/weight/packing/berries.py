@@ -29,7 +29,7 @@ class WeighedBerry:
     Raises
     ------
     ShapeError
-        If an estimate is not positive or lies outside its bounds.
+        If an estimate is not positive, or the bounds are the wrong way round.
     """
 
     number: int
@@ -43,9 +43,9 @@ class WeighedBerry:
             return
         if not 0 < self.estimate < math.inf:
             raise ShapeError(f"berry {self.number}: an estimate must be positive, got {self.estimate} g")
-        if self.has_interval and not self.low <= self.estimate <= self.high:
+        if self.has_interval and self.low > self.high:
             raise ShapeError(
-                f"berry {self.number}: {self.estimate} g lies outside its interval {self.low} … {self.high} g"
+                f"berry {self.number}: its interval {self.low} … {self.high} g is the wrong way round"
             )
         if not 0 < self.coverage < 1:
             raise ShapeError(f"berry {self.number}: coverage must lie in (0, 1), got {self.coverage}")

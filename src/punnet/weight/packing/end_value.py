@@ -11,7 +11,7 @@ from scipy.special import ndtri
 
 from punnet.weight.packing.berries import BerryPopulation
 
-__all__ = ["EndValue", "error_nodes"]
+__all__ = ["EndValue", "error_nodes", "likely_berries"]
 
 _STEP = 0.5  # grams
 _OVERFULL = 60.0  # grams above the target that the table reaches
@@ -67,7 +67,7 @@ class EndValue:
         """
         grid = np.arange(-_OVERFULL, target + 2 * _OVERFULL, _STEP)
         solution = cls(grid, np.full((most_berries + 1, len(grid)), np.inf), population.spread)
-        berries = _likely_berries(population)
+        berries = likely_berries(population)
         nodes = error_nodes() if error else np.zeros(1)
         for left in range(1, most_berries + 1):
             costs = np.mean(
@@ -96,7 +96,7 @@ class EndValue:
         return np.asarray(np.minimum(closes, np.interp(lacking, self.grid, self.waiting[left])))
 
 
-def _likely_berries(population: BerryPopulation) -> NDArray[np.float64]:
+def likely_berries(population: BerryPopulation) -> NDArray[np.float64]:
     """(B,) equally likely weights."""
     weights = population.mean + population.spread * error_nodes(_BERRIES)
     return np.clip(weights, population.lightest, population.heaviest)

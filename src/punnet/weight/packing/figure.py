@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,23 +44,25 @@ def draw_comparison(comparison: Comparison) -> bytes:
 def _weights(axes: Axes, setting: Setting, config: PackingConfig) -> None:
     """Share of punnets by weight."""
     nominal, tolerance = config.nominal, config.tolerance
-    edges = np.arange(-2.5 * max(tolerance, 4.0), 0.16 * nominal, 1.0) + nominal
+    step = max(1.0, round(nominal / 125.0))
+    edges = nominal + np.arange(-math.ceil(2.5 * max(tolerance, 4.0) / step), 0.3 * nominal / step) * step
     for result, colour in zip(setting.results, _COLOURS, strict=False):
         if len(result.weights):
-            share = np.histogram(np.clip(result.weights, edges[0], edges[-1]), edges)[0] / len(result.weights)
+            share = np.histogram(result.weights, edges)[0] / len(result.weights)
             axes.stairs(100 * share, edges, color=colour, linewidth=1.8, label=result.name)
-    top = axes.get_ylim()[1]
+    top = 1.12 * axes.get_ylim()[1]
+    axes.set_ylim(0, top)
     for grams, words in (
         (nominal, "nominal"),
         (nominal - tolerance, "− TNE"),
         (nominal - 2 * tolerance, "− 2 TNE"),
     ):
         axes.axvline(grams, color="#555555", linewidth=0.9, linestyle="--")
-        axes.text(grams, top, f" {words}", va="top", fontsize=8.5, color="#555555")
+        axes.text(grams, 0.99 * top, f" {words}", va="top", fontsize=8.5, color="#555555")
     axes.set(
         title=setting.name, xlabel="grams in the punnet", ylabel="% of punnets", xlim=(edges[0], edges[-1])
     )
-    axes.legend(frameon=False, fontsize=9)
+    axes.legend(frameon=False, fontsize=9, loc="center right")
 
 
 def _giveaway(axes: Axes, setting: Setting) -> None:
@@ -73,10 +76,9 @@ def _giveaway(axes: Axes, setting: Setting) -> None:
         f" {share:.2f}%, {result.passed} of {len(result.batches)} pass"
         for share, result in zip(shares, setting.results, strict=True)
     ]
-    axes.bar_label(bars, words, fontsize=9)
-    axes.axvline(100 * BAR, color="#555555", linewidth=0.9, linestyle="--")
-    axes.text(100 * BAR, -0.62, f" {100 * BAR:g}%", fontsize=8.5, color="#555555")
+    axes.bar_label(bars, words, fontsize=9, bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5})
+    axes.axvline(100 * BAR, color="#555555", linewidth=0.9, linestyle="--", zorder=0)
     axes.invert_yaxis()
-    axes.set(title="giveaway (grey: batches fail the rule)", xlabel="% of nominal")
+    axes.set(title=f"giveaway (dashed: {100 * BAR:g}%; grey: fails the rule)", xlabel="% of nominal")
     axes.set_xlim(0, 1.45 * max(1.0, *np.nan_to_num(shares)))
     axes.spines[["top", "right"]].set_visible(False)
