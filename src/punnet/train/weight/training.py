@@ -1,0 +1,232 @@
+"""A training run of a weight model: labelled sets in, a folder with the model and what it is worth out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import punnet
+from punnet.data.dataset import Dataset
+from punnet.errors import ConfigurationError, FileFormatError, OutputExistsError
+from punnet.outputs import write_text
+from punnet.train.detector.config import config_from_json, config_to_json
+from punnet.train.weight.registry import FittedWeightModel, ModelSpec, Tell, model_spec
+from punnet.weight.evaluation import evaluate_weights, weigh_samples
+from punnet.weight.samples import WeightSamples, WeightSplit, collect_samples, join_samples, split_groups
+
+__all__ = [
+    "PARTS",
+    "RUN_FILE",
+    "WeightRun",
+    "collect_all",
+    "is_weight_run",
+    "load_run",
+    "part_of",
+    "read_config",
+    "train_weight_model",
+]
+
+RUN_FILE = "run.json"
+RESULTS_FILE = "results.json"
+MODEL_FOLDER, WORK_FOLDER = "model", "work"
+SCHEMA = "punnet-weight-run/1"
+
+PARTS = ("test", "validation", "train", "all")
+"""Of a data set: the plants that every training sets aside, those that choose settings, those that are learnt from."""
+
+TEST_SHARE, VALIDATION_SHARE, SPLIT_SEED = 0.2, 0.1, 0
+"""The same for every run, so that no model is ever tested on a plant that another has learnt from."""
+
+
+@dataclass(frozen=True)
+class WeightRun:
+    """A finished run.
+
+    Parameters
+    ----------
+    folder
+        Where it is.
+    spec
+        The model's entry in the registry.
+    settings
+        ``run.json``: model, config, seed, data, split.
+    results
+        ``results.json``: measures on validation and test.
+    """
+
+    folder: Path
+    spec: ModelSpec
+    settings: Mapping[str, Any]
+    results: Mapping[str, Any]
+
+    def model(self) -> FittedWeightModel:
+        """The trained model."""
+        return self.spec.load(self.folder / MODEL_FOLDER)
+
+
+def collect_all(
+    datasets: Sequence[Dataset], progress: Callable[[int, int], None] | None = None
+) -> WeightSamples:
+    """Samples of several sets through their true masks; ``progress`` is told images done and in all."""
+    total, done = sum(len(dataset) for dataset in datasets), 0
+
+    def advance() -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(done, total)
+
+    return join_samples([collect_samples(dataset, progress=advance) for dataset in datasets])
+
+
+def part_of(samples: WeightSamples, part: str) -> WeightSamples:
+    """One of :data:`PARTS`.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such part, or nothing in it.
+    """
+    if part not in PARTS:
+        raise ConfigurationError(f"no part '{part}' of a data set; there are {', '.join(PARTS)}")
+    return samples if part == "all" else getattr(split(samples), part)
+
+
+def split(samples: WeightSamples) -> WeightSplit:
+    """The parts that every training makes of its samples."""
+    return split_groups(samples, test=TEST_SHARE, validation=VALIDATION_SHARE, seed=SPLIT_SEED)
+
+
+def read_config(spec: ModelSpec, changes: Mapping[str, Any]) -> Any:
+    """The model's settings with some changed.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such setting, or it can't have that value.
+    """
+    return config_from_json(spec.config, changes)
+
+
+def train_weight_model(
+    spec: ModelSpec,
+    config: Any,
+    samples: WeightSamples,
+    *,
+    data: Sequence[str],
+    folder: Path,
+    seed: int,
+    progress: Tell,
+) -> WeightRun:
+    """Train, or go on with a run that was stopped; a finished run of the same settings is given as it is.
+
+    Parameters
+    ----------
+    spec, config
+        The model and its settings.
+    samples
+        All of the data: what is set aside for test and validation is parted here.
+    data
+        Names of the sets that ``samples`` are from, for the record.
+    folder
+        Of the run; made if it does not exist.
+    seed
+        Of everything random.
+    progress
+        Told how it goes.
+
+    Raises
+    ------
+    OutputExistsError
+        If the folder holds something else, or a run with other settings.
+    """
+    parts = split(samples)
+    settings = _settings(spec, config, parts, data, seed)
+    _claim(folder, settings)
+    if (folder / RESULTS_FILE).is_file():
+        progress(f"{folder}: {spec.name} is trained already, with these settings")
+        return load_run(folder)
+    for name in (WORK_FOLDER, MODEL_FOLDER):
+        (folder / name).mkdir(exist_ok=True)
+    model = spec.fit(
+        parts.train, parts.validation, config, seed=seed, progress=progress, folder=folder / WORK_FOLDER
+    )
+    model.save(folder / MODEL_FOLDER)
+    results = {
+        name: evaluate_weights(
+            part, weigh_samples(model, part), estimator=spec.name, data=f"{' + '.join(data)}, {name}"
+        ).to_json()
+        for name, part in (("validation", parts.validation), ("test", parts.test))
+    }
+    write_text(folder / RESULTS_FILE, _json(results), force=True)
+    return load_run(folder)
+
+
+def load_run(folder: Path) -> WeightRun:
+    """A finished run.
+
+    Raises
+    ------
+    FileFormatError
+        If the folder holds none, or it was stopped before its end.
+    """
+    settings = _read(folder / RUN_FILE)
+    if settings.get("schema") != SCHEMA:
+        raise FileFormatError(f"{folder / RUN_FILE}: not the settings of a weight run ({SCHEMA})")
+    if not (folder / RESULTS_FILE).is_file():
+        raise FileFormatError(f"{folder}: this run was stopped; start it again, it goes on where it was")
+    return WeightRun(folder, model_spec(settings["model"]), settings, _read(folder / RESULTS_FILE))
+
+
+def is_weight_run(folder: Path) -> bool:
+    """Whether the folder is that of a weight model's run, finished or not."""
+    return (folder / RUN_FILE).is_file()
+
+
+def _settings(
+    spec: ModelSpec, config: Any, parts: WeightSplit, data: Sequence[str], seed: int
+) -> dict[str, Any]:
+    named = (("train", parts.train), ("validation", parts.validation), ("test", parts.test))
+    return {
+        "schema": SCHEMA,
+        "punnet": punnet.__version__,
+        "model": spec.name,
+        "config": config_to_json(config),
+        "seed": seed,
+        "data": list(data),
+        "split": {"test": TEST_SHARE, "validation": VALIDATION_SHARE, "seed": SPLIT_SEED},
+        "berries": {name: len(part) for name, part in named},
+        "plants": {name: len(set(part.groups)) for name, part in named},
+        "refused": {name: len(part.missed) for name, part in named},
+    }
+
+
+def _claim(folder: Path, settings: dict[str, Any]) -> None:
+    """Make the folder this run's, or find that it is."""
+    if folder.is_dir() and any(folder.iterdir()):
+        if not is_weight_run(folder):
+            raise OutputExistsError(f"{folder}: exists and holds no weight run; give another folder")
+        found = _read(folder / RUN_FILE)
+        if other := [name for name in settings if settings[name] != found.get(name)]:
+            raise OutputExistsError(
+                f"{folder}: holds a run with other {', '.join(other)}; give another folder, or the same settings"
+            )
+        return
+    write_text(folder / RUN_FILE, _json(settings))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise FileFormatError(f"{path}: not readable as JSON ({error})") from error
+    if not isinstance(data, dict):
+        raise FileFormatError(f"{path}: a JSON object is needed")
+    return data
+
+
+def _json(data: Any) -> str:
+    return json.dumps(data, indent=1, allow_nan=False) + "\n"
