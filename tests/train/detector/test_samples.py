@@ -95,18 +95,29 @@ def test_sources_are_drawn_by_weight(tmp_path: Path) -> None:
 
 
 def test_draws_go_on_where_the_epoch_ended_and_no_two_processes_share_one() -> None:
-    alone = Draws(steps=2, batch=3)
+    training = small_training(steps=4, validate_every=2, batch=3)
+    alone = Draws(training)
     assert list(alone) == [0, 1, 2, 3, 4, 5]
     alone.set_epoch(1)
     assert list(alone) == [6, 7, 8, 9, 10, 11]
     drawn = []
     for epoch in (0, 1):
         for rank in (0, 1):
-            draws = Draws(2, 3, rank, 2)
+            draws = Draws(training, rank, 2)
             draws.set_epoch(epoch)
             assert len(list(draws)) == len(draws) == 6
             drawn += list(draws)
     assert sorted(drawn) == list(range(24))
+
+
+def test_the_last_epoch_is_as_short_as_the_steps_leave_it() -> None:
+    draws = Draws(small_training(steps=5, validate_every=2, batch=3))
+    drawn = []
+    for epoch in range(4):
+        draws.set_epoch(epoch)
+        assert len(list(draws)) == len(draws) == (6, 6, 3, 0)[epoch]
+        drawn += list(draws)
+    assert drawn == list(range(15))
 
 
 def test_only_the_listed_images(tmp_path: Path) -> None:

@@ -73,10 +73,10 @@ def averaged(trainer: lightning.Trainer, module: DetectorModule) -> BerryDetecto
 
 
 class Progress(Callback):
-    """A line now and then, for logs."""
+    """A line now and then, for logs: step of how many, loss, time left."""
 
-    def __init__(self, tell: Tell) -> None:
-        self.tell = tell
+    def __init__(self, steps: int, tell: Tell) -> None:
+        self.steps, self.tell = steps, tell
         self.began = time.monotonic()
         self.first = 0
 
@@ -93,7 +93,7 @@ class Progress(Callback):
         batch_idx: int,
     ) -> None:
         """Tell step, loss and the time that is left."""
-        step, steps = trainer.global_step, trainer.max_steps
+        step, steps = trainer.global_step, self.steps
         if trainer.is_global_zero and (step % STEPS_A_LINE == 0 or step == steps):
             pace = (time.monotonic() - self.began) / (step - self.first)
             minutes = pace * (steps - step) / 60
@@ -103,15 +103,15 @@ class Progress(Callback):
 class _Bar(RichProgressBar):
     """A bar from one validation to the next."""
 
+    def __init__(self, steps: int) -> None:
+        super().__init__(refresh_rate=5, console_kwargs={"stderr": True})
+        self.steps = steps
+
     def _get_train_description(self, current_epoch: int) -> str:
-        steps = self.trainer.max_steps
-        return (
-            f"to step {min((current_epoch + 1) * int(self.trainer.num_training_batches), steps)} of {steps}"
-        )
+        to_step = min((current_epoch + 1) * int(self.trainer.num_training_batches), self.steps)
+        return f"to step {to_step} of {self.steps}"
 
 
-def progress(tell: Tell) -> Callback:
+def progress(steps: int, tell: Tell) -> Callback:
     """A bar on a terminal, lines elsewhere."""
-    if sys.stderr.isatty():
-        return _Bar(refresh_rate=5, console_kwargs={"stderr": True})
-    return Progress(tell)
+    return _Bar(steps) if sys.stderr.isatty() else Progress(steps, tell)

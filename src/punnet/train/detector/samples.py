@@ -147,10 +147,13 @@ class Samples(TorchDataset[tuple[Tensor, dict[str, Tensor]]]):
 
 
 class Draws(Sampler[int]):
-    """The numbers of an epoch's draws; the next epoch's follow, so that a resumed run draws what it would have drawn."""
+    """The numbers of an epoch's draws; the next epoch's follow, so that a resumed run draws what it would have drawn.
 
-    def __init__(self, steps: int, batch: int, rank: int = 0, world: int = 1) -> None:
-        self.steps, self.batch, self.rank, self.world = steps, batch, rank, world
+    An epoch lasts from one validation to the next; the last one is as short as the steps of the training leave it.
+    """
+
+    def __init__(self, training: DetectorTraining, rank: int = 0, world: int = 1) -> None:
+        self.training, self.rank, self.world = training, rank, world
         self.epoch = 0
 
     def set_epoch(self, epoch: int) -> None:
@@ -158,10 +161,11 @@ class Draws(Sampler[int]):
         self.epoch = epoch
 
     def __len__(self) -> int:
-        return self.steps * self.batch
+        left = self.training.steps - self.epoch * self.training.validate_every
+        return self.training.batch * max(min(left, self.training.validate_every), 0)
 
     def __iter__(self) -> Iterator[int]:
-        first = self.epoch * len(self) * self.world
+        first = self.epoch * self.training.validate_every * self.training.batch * self.world
         return iter(range(first + self.rank, first + len(self) * self.world, self.world))
 
 

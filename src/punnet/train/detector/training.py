@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 import signal
 import warnings
 from collections.abc import Iterator, Sequence
@@ -104,7 +105,8 @@ def train_detector(
     Raises
     ------
     ConfigurationError
-        If the folder holds another run, the sources have no images, ``run.start`` does not fit, or there is no GPU.
+        If the folder holds another run or a damaged one, the sources have no images, ``run.start`` does not fit, or there
+        is no GPU.
     OutputError
         If the folder can't be written.
     Interrupted
@@ -127,8 +129,10 @@ def train_detector(
         write_text(run.folder / CONFIG_FILE, json.dumps(settings, indent=1) + "\n")
     with _quiet():
         trainer = _trainer(training, run, validated, tell)
-        loader = _loader(training, run, sources, trainer)
-        _fit(trainer, module, loader, last)
+        draws = Draws(training, trainer.global_rank, trainer.world_size)
+        if last.exists():
+            draws.set_epoch(_epochs_done(last, training))
+        _fit(trainer, module, _loader(training, run, sources, draws), last)
     return last
 
 
@@ -242,7 +246,7 @@ def _validation_images(run: TrainingRun) -> Sequence[AnnotatedImage]:
 def _trainer(
     training: DetectorTraining, run: TrainingRun, validated: Sequence[AnnotatedImage], tell: Tell
 ) -> lightning.Trainer:
-    callbacks: list[Callback] = [progress(tell)]
+    callbacks: list[Callback] = [progress(training.steps, tell)]
     if training.averaging:
         callbacks.append(EMAWeightAveraging(decay=training.averaging))
     if validated:
@@ -254,8 +258,8 @@ def _trainer(
         accelerator=run.accelerator,
         devices=run.processes,
         strategy="ddp" if run.processes > 1 else "auto",
-        max_steps=training.steps,
-        max_epochs=-1,
+        # Not max_steps: with it Lightning takes an epoch that has ended up again, and so draws other samples.
+        max_epochs=math.ceil(training.steps / training.validate_every),
         precision=training.precision,
         gradient_clip_val=5.0,
         logger=TensorBoardLogger(run.folder, name="tensorboard", version=""),
@@ -269,10 +273,21 @@ def _trainer(
     )
 
 
+def _epochs_done(last: Path, training: DetectorTraining) -> int:
+    """How many epochs a checkpoint has behind it. Lightning tells the sampler, but not before samples are prepared."""
+    try:
+        step = int(torch.load(last, map_location="cpu", weights_only=True, mmap=True)["global_step"])
+    except Exception as error:  # damaged files make torch.load raise almost anything
+        raise ConfigurationError(
+            f"{last}: damaged, the run can't go on from it ({str(error).partition(chr(10))[0]}); "
+            "give --start another checkpoint and --out another folder"
+        ) from error
+    return math.ceil(step / training.validate_every)
+
+
 def _loader(
-    training: DetectorTraining, run: TrainingRun, sources: Sequence[OpenSource], trainer: lightning.Trainer
+    training: DetectorTraining, run: TrainingRun, sources: Sequence[OpenSource], draws: Draws
 ) -> DataLoader[Any]:
-    draws = Draws(training.validate_every, training.batch, trainer.global_rank, trainer.world_size)
     return DataLoader(
         Samples(sources, training),
         batch_size=training.batch,
