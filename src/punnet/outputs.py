@@ -73,7 +73,7 @@ class OutputFolder:
 
     def __enter__(self) -> OutputFolder:
         try:
-            self._require_replaceable(self.folder)
+            self.require_replaceable()
             self.folder.parent.mkdir(parents=True, exist_ok=True)
             self._staging = Path(tempfile.mkdtemp(prefix=f".{self.folder.name}-", dir=self.folder.parent))
             self._staging.chmod(0o755)
@@ -108,7 +108,15 @@ class OutputFolder:
             text = json.dumps({"made_by": "punnet", "complete": complete})
             (staging / MARKER_FILE).write_text(text + "\n")
 
-    def _require_replaceable(self, folder: Path) -> None:
+    def require_replaceable(self) -> None:
+        """Refuse a folder that stands in the way: on entering, or before long work whose result goes there.
+
+        Raises
+        ------
+        OutputExistsError
+            If it exists and ``force`` is not set, or it was not made by Punnet.
+        """
+        folder = self.folder
         if not folder.exists() and not folder.is_symlink():
             return
         if not self.force:

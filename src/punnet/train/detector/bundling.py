@@ -12,7 +12,9 @@ from typing import Any
 import torch
 
 from punnet.bundle import Manifest, write_bundle
+from punnet.bundle.manifest import MANIFEST_FILE
 from punnet.errors import ConfigurationError
+from punnet.outputs import OutputFolder
 from punnet.perception.learned import DETECTOR_FILE, MODEL_FILE
 from punnet.train.detector.config import DetectorConfig, config_from_json
 from punnet.train.detector.export import export_onnx
@@ -83,8 +85,11 @@ def bundle_run(
     ------
     ConfigurationError
         If the folder holds no run.
+    OutputExistsError
+        If ``folder`` exists and ``force`` is not set, or it exists and is no bundle.
     """
     settings = _settings_of(run)
+    OutputFolder(folder, force=force, marker=MANIFEST_FILE).require_replaceable()
     network = network_of_checkpoint(run / CHECKPOINTS / LAST)
     with tempfile.TemporaryDirectory() as scratch:
         path = Path(scratch) / MODEL_FILE
