@@ -1,0 +1,72 @@
+"""Berries moved and turned at random, as the thesis does (section 4.2): the depth at which they hang stays."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+from torch import Tensor
+
+__all__ = ["move_pictures", "move_points"]
+
+
+def move_points(
+    points: NDArray[np.float32], generator: np.random.Generator, *, shift: float, tilt: float, roll: float
+) -> NDArray[np.float32]:
+    """Turn each berry about its origin, and move it across the image plane.
+
+    Parameters
+    ----------
+    points
+        (B, N, 3) of B berries, metres, axes of the camera, each about its own middle.
+    generator
+        Draws a rotation and a shift a berry.
+    shift
+        Metres in x and in y, up to so much; the middle keeps its depth.
+    tilt, roll
+        Degrees about x and y, and about z, up to so much.
+
+    Returns
+    -------
+    numpy.ndarray
+        (B, N, 3) float32.
+    """
+    count = len(points)
+    angles = generator.uniform(-1.0, 1.0, size=(count, 3)) * (tilt, tilt, roll)
+    turns = Rotation.from_euler("xyz", angles, degrees=True).as_matrix().astype(np.float32)
+    offsets = np.zeros((count, 1, 3), dtype=np.float32)
+    offsets[:, 0, :2] = generator.uniform(-shift, shift, size=(count, 2))
+    return np.asarray(points @ turns.transpose(0, 2, 1) + offsets)
+
+
+def move_pictures(pictures: Tensor, generator: np.random.Generator, *, shift: float, roll: float) -> Tensor:
+    """Turn each picture about its middle and move it; all its channels alike, their values stay.
+
+    Parameters
+    ----------
+    pictures
+        (B, C, S, S); what comes in from outside is 0.
+    generator
+        Draws an angle and a shift a picture.
+    shift
+        Share of the side, across and down, up to so much.
+    roll
+        Degrees, up to so much.
+    """
+    count = len(pictures)
+    angles = np.deg2rad(generator.uniform(-roll, roll, size=count))
+    # grid_sample's coordinates go from −1 to 1: a whole side is 2.
+    offsets = generator.uniform(-2 * shift, 2 * shift, size=(count, 2))
+    cosines, sines = np.cos(angles), np.sin(angles)
+    affine = np.stack(
+        (
+            np.stack((cosines, -sines, offsets[:, 0]), axis=1),
+            np.stack((sines, cosines, offsets[:, 1]), axis=1),
+        ),
+        axis=1,
+    )
+    grid = torch.nn.functional.affine_grid(
+        torch.from_numpy(affine.astype(np.float32)), list(pictures.shape), align_corners=False
+    )
+    return torch.nn.functional.grid_sample(pictures, grid, align_corners=False)
