@@ -20,7 +20,7 @@ from punnet.sim.oracle import OracleDetector, OracleScale
 from punnet.sim.panda_robot import SimulatedPanda
 from punnet.sim.punnets import PUNNET_PLACES
 from punnet.sim.world import WorldConfig, build_world
-from punnet.weight import EllipsoidEstimator
+from punnet.weight.choosing import load_weight_estimator
 
 __all__ = ["ORACLE", "Scenario", "Session"]
 
@@ -65,6 +65,8 @@ class Session:
         """True grams of what each attempt brought off the plant, by its number."""
         # First of all: a detector that can't be had is found out before a plant is grown.
         detector = None if scenario.perception == ORACLE else load_detector(scenario.perception)
+        scale = OracleScale() if detector is None else load_weight_estimator()
+        self.scale_name = scale.name
         self.world = build_world(scenario.seed, scenario.world)
         self.reachable = reachable_berries(self.world)
         noise = np.random.default_rng((scenario.seed, 1))
@@ -72,7 +74,7 @@ class Session:
         self.harvester = Harvester(
             self.robot,
             OracleDetector(self.robot) if detector is None else detector,
-            OracleScale() if detector is None else EllipsoidEstimator(),
+            scale,
             ProMPDepthPlanner.from_bundle(),
             PUNNET_PLACES,
             scenario.harvest,

@@ -44,6 +44,7 @@ def tell(
         settings={
             "seed": scenario.seed,
             "perception": scenario.perception,
+            "weights by": session.scale_name,
             "planner": "promp-depth",
             "berries on the plant": session.world.berries,
             "speed (share of the arm's limits)": f"{scenario.harvest.speed}, among berries {scenario.harvest.careful_speed}",
