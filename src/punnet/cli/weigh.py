@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,6 +14,7 @@ from punnet.cli.options import CameraFile, DepthFile, DetectorName, Force, Json,
 
 if TYPE_CHECKING:
     from punnet.scene import Frame, Strawberries
+    from punnet.weight import WeightEstimates
 
 __all__ = ["register"]
 
@@ -31,6 +31,15 @@ def weigh(
     depth: DepthFile,
     camera: CameraFile,
     detector: DetectorName = None,
+    estimator: Annotated[
+        str | None,
+        typer.Option(
+            "--estimator",
+            help="A weight model's name (see punnet models) or folder, or: ellipsoid. Without it the best that comes "
+            "with punnet.",
+            show_default=False,
+        ),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for overlay.png and strawberries.json.")
     ] = None,
@@ -40,33 +49,36 @@ def weigh(
     """Weigh berries by eye: grams with an interval, from colour, depth and the camera."""
     from punnet.outputs import OutputFolder
     from punnet.scene import Frame
-    from punnet.weight import EllipsoidEstimator
+    from punnet.weight.choosing import load_weight_estimator
 
+    scale = load_weight_estimator(estimator)
     frame = Frame.from_files(rgb, depth=depth, camera=camera)
     berries = detector_for_photographs(detector).detect(frame)
-    estimates = EllipsoidEstimator().estimate(frame, berries)
+    estimates = scale.estimate(frame, berries)
     berries = berries.with_fields(weights=estimates.grams, weight_intervals=estimates.intervals)
     if out is not None:
         with OutputFolder(out, force=force) as output:
-            _write(output.path, frame, berries)
+            _write(output.path, frame, berries, estimates)
     if as_json:
         rows = berries.to_json()["berries"]
         for row, reason in zip(rows, estimates.reasons, strict=True):
             row.pop("segmentation", None)
             row["reason"] = reason
-        print_json({"frame": str(rgb), "coverage": estimates.coverage, "berries": rows})
+        print_json(
+            {"frame": str(rgb), "estimator": scale.name, "coverage": estimates.coverage, "berries": rows}
+        )
         return
     if len(berries) == 0:
         note(f"no berries in {rgb}")
         return
     print_table(
-        "",
+        f"by {scale.name}",
         ("berry>", "class", "grams>", f"{100 * estimates.coverage:.0f}% interval>", "why not"),
         [
             (
                 str(berries.ids[i]),
                 "pluckable" if berries.pluckable[i] else "unpluckable",
-                _grams(estimates.grams[i]),
+                "" if reason else f"{estimates.grams[i]:.1f} ± {_half_width(estimates, i):.1f}",
                 "" if reason else f"{estimates.intervals[i, 0]:.1f} to {estimates.intervals[i, 1]:.1f}",
                 reason or "",
             )
@@ -75,15 +87,21 @@ def weigh(
     )
 
 
-def _grams(value: float) -> str:
-    return "" if math.isnan(value) else f"{value:.1f}"
+def _half_width(estimates: WeightEstimates, index: int) -> float:
+    """Grams: half of the interval, which need not lie evenly about the estimate."""
+    low, high = estimates.intervals[index]
+    return float(high - low) / 2.0
 
 
-def _write(folder: Path, frame: Frame, berries: Strawberries) -> None:
+def _write(folder: Path, frame: Frame, berries: Strawberries, estimates: WeightEstimates) -> None:
     import cv2
 
     from punnet.scene.overlay import draw_overlay
 
-    _, encoded = cv2.imencode(".png", draw_overlay(frame.rgb, berries)[:, :, ::-1])
+    labels = [
+        "no weight" if reason else f"{estimates.grams[i]:.1f} g ({low:.0f}-{high:.0f})"
+        for i, (reason, (low, high)) in enumerate(zip(estimates.reasons, estimates.intervals, strict=True))
+    ]
+    _, encoded = cv2.imencode(".png", draw_overlay(frame.rgb, berries, labels=labels)[:, :, ::-1])
     (folder / "overlay.png").write_bytes(encoded.tobytes())
     (folder / "strawberries.json").write_text(json.dumps(berries.to_json()) + "\n")
