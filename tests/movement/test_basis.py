@@ -49,9 +49,9 @@ def test_functions_are_positive_and_sum_to_one(count: int, width: float, phase: 
 def test_derivatives_match_finite_differences(count: int, width: float, phase: float) -> None:
     basis, step = GaussianBasis(count, width), 1e-5
     before, after = basis.phi([phase - step, phase + step])
-    np.testing.assert_allclose(basis.phi_derivative([phase])[0], (after - before) / (2 * step), atol=2e-5)
-    second = (basis.phi_derivative([phase + step]) - basis.phi_derivative([phase - step]))[0] / (2 * step)
-    np.testing.assert_allclose(basis.phi_second_derivative([phase])[0], second, atol=2e-4)
+    np.testing.assert_allclose(basis.derivative([phase], 1)[0], (after - before) / (2 * step), atol=2e-5)
+    second = (basis.derivative([phase + step], 1) - basis.derivative([phase - step], 1))[0] / (2 * step)
+    np.testing.assert_allclose(basis.derivative([phase], 2)[0], second, atol=2e-4)
 
 
 def test_far_outside_nothing_underflows() -> None:
@@ -72,3 +72,19 @@ def test_json_round_trip_and_refusals() -> None:
         basis.derivative([0.5], 3)
     with pytest.raises(ShapeError, match="phase"):
         basis.phi(np.zeros((2, 2)))
+
+
+def test_centres_may_be_placed() -> None:
+    placed = GaussianBasis(5, 0.03, (-0.1, 0.3, 0.6, 0.9, 1.0))
+    assert placed.centres == (-0.1, 0.3, 0.6, 0.9, 1.0)
+    assert GaussianBasis.from_json(placed.to_json()) == placed
+    np.testing.assert_allclose(placed.phi(PHASES).sum(axis=1), 1.0)
+    np.testing.assert_allclose(GaussianBasis(5, 0.03).centres, [0.0, 0.25, 0.5, 0.75, 1.0])
+    for wrong in ((0.0, 1.0), (0.0, 0.5, 0.4, 0.8, 1.0), (0.0, 0.2, 0.4, 0.8, float("inf"))):
+        with pytest.raises(ConfigurationError, match="rising"):
+            GaussianBasis(5, 0.03, wrong)
+
+
+def test_condition_number_is_that_of_phi() -> None:
+    assert GaussianBasis().condition_number() == pytest.approx(np.linalg.cond(GaussianBasis().phi(PHASES)))
+    assert GaussianBasis().condition_number() < 100 < GaussianBasis.recorded().condition_number()

@@ -1,11 +1,14 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 from punnet.errors import ConfigurationError, FileFormatError, ShapeError
-from punnet.movement import GaussianBasis, TrajectoryDistribution, ViaPoint
+from punnet.movement import GaussianBasis, JointLimits, TrajectoryDistribution, ViaPoint
 
 PHASES = np.linspace(0.0, 1.0, 50)
 
@@ -97,3 +100,96 @@ def test_constructor_refusals() -> None:
         TrajectoryDistribution(basis, mean, np.eye(8), names=("a", "b"))
     with pytest.raises(ConfigurationError, match="samples"):
         TrajectoryDistribution(basis, mean, np.eye(8)).sample(np.random.default_rng(0), -1, PHASES)
+
+
+def test_log_likelihood_agrees_with_the_whole_covariance() -> None:
+    """Against the dense Gaussian over all samples of all degrees of freedom."""
+    distribution = replace(make_distribution(3, dimensions=2), observation_std=np.array([0.1, 0.3]))
+    rng = np.random.default_rng(0)
+    for T, phase in ((30, None), (5, None), (12, np.sort(rng.uniform(size=12)))):
+        trajectory = rng.normal(size=(T, 2))
+        phi = distribution.basis.phi(np.linspace(0, 1, T) if phase is None else phase)
+        A = np.kron(np.eye(2), phi)
+        noise = np.repeat([0.01, 0.09], T)
+        covariance = A @ distribution.weight_covariance @ A.T + np.diag(noise)
+        expected = multivariate_normal(A @ distribution.weight_mean.ravel(), covariance).logpdf(
+            trajectory.T.ravel()
+        )
+        assert distribution.log_likelihood(trajectory, phase) == pytest.approx(expected)
+    with pytest.raises(ShapeError, match="trajectory must be finite"):
+        distribution.log_likelihood(np.full((4, 2), np.nan))
+    with pytest.raises(ShapeError, match="4 samples but phases"):
+        distribution.log_likelihood(np.zeros((4, 2)), [0.0, 1.0])
+
+
+@given(st.integers(0, 10_000), st.integers(1, 3), st.integers(1, 24))
+@settings(deadline=None, max_examples=25)
+def test_sample_means_come_to_the_mean(seed: int, dimensions: int, rank: int) -> None:
+    rng = np.random.default_rng(seed)
+    factor = rng.normal(size=(dimensions * 8, rank))
+    distribution = TrajectoryDistribution(
+        GaussianBasis(), rng.normal(size=(dimensions, 8)), factor @ factor.T
+    )
+    z = np.linspace(0.0, 1.0, 5)
+    error = distribution.sample(rng, 4000, z).mean(axis=0) - distribution.mean(z)
+    assert (np.abs(error) <= 6 * distribution.std(z) / np.sqrt(4000) + 1e-9).all()
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_derivatives_of_mean_spread_and_samples(order: int) -> None:
+    distribution, z, h = make_distribution(), np.array([0.3, 0.7]), 1e-4
+    around = [distribution.mean(z + k * h) for k in (-1, 0, 1)]
+    expected = (
+        (around[2] - around[0]) / (2 * h) if order == 1 else (around[2] - 2 * around[1] + around[0]) / h**2
+    )
+    np.testing.assert_allclose(distribution.mean(z, order), expected, rtol=1e-4, atol=1e-3)
+    samples = distribution.sample(np.random.default_rng(0), 20_000, z, order)
+    np.testing.assert_allclose(samples.std(axis=0), distribution.std(z, order), rtol=0.05)
+    diagonal = np.diagonal(distribution.covariance(z, order), axis1=1, axis2=2)
+    np.testing.assert_allclose(distribution.std(z, order) ** 2, diagonal, rtol=1e-9)
+
+
+LIMITS = JointLimits(
+    lower=np.full(3, -9.0), upper=np.full(3, 9.0), velocity=np.full(3, 2.0), acceleration=np.full(3, 10.0),
+    jerk=np.full(3, 5000.0), joint_names=("a", "b", "c"),
+)  # fmt: skip
+
+
+@given(st.integers(0, 1000), st.floats(0.5, 20.0))
+@settings(deadline=None, max_examples=20)
+def test_time_scaling_keeps_the_path(seed: int, duration: float) -> None:
+    distribution = make_distribution(seed)
+    slow = distribution.retimed(duration)
+    np.testing.assert_array_equal(slow.mean(PHASES), distribution.mean(PHASES))
+    assert slow.duration == duration
+    quick = distribution.to_joint_trajectory(LIMITS)
+    stretched = quick.stretched(duration)
+    share = np.linspace(0.0, 1.0, 60)
+    np.testing.assert_allclose(
+        stretched.sample(share * stretched.duration), quick.sample(share * quick.duration), atol=1e-9
+    )
+    velocity = stretched.sample(share * stretched.duration, derivative=1)
+    np.testing.assert_allclose(
+        velocity, quick.sample(share * quick.duration, derivative=1) / duration, atol=1e-7
+    )
+
+
+def test_joint_trajectory_of_the_mean_takes_its_time_and_its_ends() -> None:
+    distribution = make_distribution()
+    quick = distribution.to_joint_trajectory(LIMITS, speed=0.5)
+    calm = distribution.to_joint_trajectory(LIMITS, at_least=quick.duration + 2.0)
+    assert calm.duration == pytest.approx(quick.duration + 2.0, abs=0.02)
+    for trajectory in (quick, calm):
+        np.testing.assert_allclose(trajectory.start, distribution.mean([0.0])[0], atol=1e-12)
+        np.testing.assert_allclose(trajectory.end, distribution.mean([1.0])[0], atol=1e-12)
+        assert trajectory.joint_names == ("a", "b", "c")
+    for derivative, bound in ((1, LIMITS.velocity), (2, LIMITS.acceleration), (3, LIMITS.jerk)):
+        instants = np.linspace(0.0, calm.duration, 3000)
+        assert (np.abs(calm.sample(instants, derivative=derivative)) <= bound * (1 + 1e-9)).all()
+    task = TrajectoryDistribution(GaussianBasis(), np.zeros((6, 8)), np.eye(48), space="task")
+    with pytest.raises(ConfigurationError, match="follow_path"):
+        task.to_joint_trajectory(LIMITS)
+    with pytest.raises(ConfigurationError, match="at_least"):
+        distribution.to_joint_trajectory(LIMITS, at_least=-1.0)
+    with pytest.raises(ShapeError, match="factor"):
+        quick.stretched(0.0)

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from punnet.errors import ConfigurationError, ShapeError
-from punnet.movement import GaussianBasis, ProMP, shrunk_covariance
+from punnet.movement import GaussianBasis, ProMP, Ridge, shrunk_covariance
 
 PHASES = np.linspace(0.0, 1.0, 150)
 
@@ -22,7 +22,9 @@ def test_weights_of_demonstrations_of_different_lengths_are_recovered() -> None:
     weights, demonstrations = draw_demonstrations(0, 12)
     for expected, demonstration in zip(weights, demonstrations, strict=True):
         np.testing.assert_allclose(ProMP().weights(demonstration), expected, atol=1e-4)
-    distribution = ProMP(shrinkage=0.0).fit(demonstrations, durations=np.linspace(2.0, 4.0, 12).tolist())
+    distribution = ProMP(estimator=Ridge(shrinkage=0.0)).fit(
+        demonstrations, durations=np.linspace(2.0, 4.0, 12).tolist()
+    )
     np.testing.assert_allclose(distribution.weight_mean, weights.mean(axis=0), atol=1e-4)
     expected = np.cov(weights.reshape(12, -1), rowvar=False)
     np.testing.assert_allclose(distribution.weight_covariance, expected, atol=1e-4)
@@ -37,7 +39,7 @@ def test_covariance_is_definite_however_few_demonstrations(seed: int, count: int
     distribution = ProMP().fit(demonstrations)
     eigenvalues = np.linalg.eigvalsh(distribution.weight_covariance)
     assert eigenvalues[0] > -1e-12 * eigenvalues[-1]
-    assert (np.diag(distribution.weight_covariance) >= ProMP().minimum_std ** 2 * (1 - 1e-9)).all()
+    assert (np.diag(distribution.weight_covariance) >= Ridge().minimum_std ** 2 * (1 - 1e-9)).all()
 
 
 def test_distribution_describes_unseen_demonstrations() -> None:
@@ -81,10 +83,10 @@ def test_refusals() -> None:
         ProMP().fit([])
     with pytest.raises(ShapeError, match="disagree in D"):
         ProMP().fit([np.zeros((10, 2)), np.zeros((10, 3))])
-    with pytest.raises(ShapeError, match="demonstration must be finite"):
+    with pytest.raises(ShapeError, match="demonstration 0 must be finite"):
         ProMP().fit([np.full((10, 2), np.nan)])
     with pytest.raises(ShapeError, match="durations"):
         ProMP().fit([np.zeros((10, 2))], durations=[1.0, 2.0])
-    for wrong in ({"ridge": -1.0}, {"shrinkage": 1.5}, {"minimum_std": -1.0}):
+    for wrong in ({"penalty": -1.0}, {"shrinkage": 1.5}, {"minimum_std": -1.0}):
         with pytest.raises(ConfigurationError):
-            ProMP(**wrong)  # type: ignore[arg-type]
+            Ridge(**wrong)  # type: ignore[arg-type]

@@ -107,7 +107,7 @@ def test_refusals_say_why(
 
 def test_is_a_planner_and_checks_its_distribution(planner: ProMPDepthPlanner) -> None:
     assert isinstance(planner, Planner)
-    task = TrajectoryDistribution(GaussianBasis(), np.zeros((7, 8)), np.eye(56), space="task")
+    task = TrajectoryDistribution(GaussianBasis(), np.zeros((6, 8)), np.eye(48), space="task")
     with pytest.raises(ConfigurationError, match="7 joints"):
         ProMPDepthPlanner(task, Panda())
 

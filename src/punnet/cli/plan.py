@@ -14,6 +14,8 @@ from punnet.errors import ConfigurationError
 
 __all__ = ["register"]
 
+PLAN_SPEED = 0.25  # of what the arm can do: nobody has watched this plan before
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -55,7 +57,7 @@ def plan(
     from punnet.outputs import OutputFolder
     from punnet.perception.picking_points import locate_picking_points
     from punnet.planning import ProMPDepthPlanner
-    from punnet.planning.export import timed_mean, write_plan
+    from punnet.planning.export import write_plan
     from punnet.planning.targeting import as_seen_from, choose_target
     from punnet.robot import HOME
     from punnet.scene import Frame
@@ -67,7 +69,7 @@ def plan(
     berries = locate_picking_points(frame, detector_for_photographs(detector).detect(frame))
     berry = choose_target(berries, box)
     distribution = planner.plan(frame, berry, joints)
-    trajectory = timed_mean(distribution, planner.arm.limits)
+    trajectory = distribution.to_joint_trajectory(planner.arm.limits, speed=PLAN_SPEED)
     if out is not None:
         with OutputFolder(out, force=force) as output:
             write_plan(output.path, distribution, trajectory)

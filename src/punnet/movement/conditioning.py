@@ -1,144 +1,45 @@
-"""Via-points, and conditioning a Gaussian over weights on them in closed form."""
+"""Conditioning a Gaussian over weights on linear observations, in closed form."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import solve_triangular
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dpotrf, dtrtrs
 
-from punnet.errors import ConfigurationError, FileFormatError, ShapeError
+from punnet.errors import ConfigurationError
+from punnet.movement.basis import GaussianBasis
+from punnet.movement.via_point import ViaPoint
 
-__all__ = ["ViaPoint", "condition_gaussian"]
+__all__ = ["condition_gaussian", "observe", "require_semi_definite"]
+
+Array = NDArray[np.float64]
 
 RELATIVE_RANK = 1e-12
-CHOLESKY_PIVOT = 1e-9  # below it the eigenvalues are needed
+GOOD_PIVOT = (
+    1e-4  # of the scaled innovation; below it the update is made in the form that rounding can't hurt
+)
 UNMET_TOLERANCE = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
-class ViaPoint:
-    """A value that trajectories shall pass at a phase.
-
-    Parameters
-    ----------
-    phase
-        Where along the movement, 0 start … 1 end.
-    values
-        (k,) values in the unit of the degrees of freedom (per unit phase when ``order`` is 1).
-    degrees_of_freedom
-        The k indices that the values are for; None for all, in order.
-    std
-        Standard deviation of the values, one number or (k,); 0 asks for the exact value.
-    order
-        0 for a position, 1 for a velocity and 2 for an acceleration with respect to phase.
-
-    Raises
-    ------
-    ShapeError
-        If the sizes disagree or a number is not finite.
-    ConfigurationError
-        If an index repeats, a std is negative or the order unknown.
-    """
-
-    phase: float
-    values: NDArray[np.float64]
-    degrees_of_freedom: tuple[int, ...] | None = None
-    std: ArrayLike = 0.0
-    order: int = 0
-
-    def __post_init__(self) -> None:
-        values = np.atleast_1d(np.asarray(self.values, dtype=np.float64))
-        if values.ndim != 1 or not np.isfinite(values).all() or not math.isfinite(self.phase):
-            raise ShapeError(f"via-point: phase and values (k,) must be finite, got shape {values.shape}")
-        std = np.asarray(self.std, dtype=np.float64)
-        if std.shape not in ((), values.shape):
-            raise ShapeError(f"via-point: std must be one number or {values.shape}, got {std.shape}")
-        if not (np.isfinite(std).all() and (std >= 0).all()):
-            raise ConfigurationError("via-point: std must be finite and not negative")
-        if self.order not in (0, 1, 2):
-            raise ConfigurationError(f"via-point: order must be 0, 1 or 2, got {self.order}")
-        if self.degrees_of_freedom is not None:
-            chosen = tuple(int(index) for index in self.degrees_of_freedom)
-            if len(chosen) != len(values):
-                raise ShapeError(f"via-point: {len(chosen)} degrees of freedom but {len(values)} values")
-            if len(set(chosen)) != len(chosen):
-                raise ConfigurationError(f"via-point: a degree of freedom repeats in {chosen}")
-            object.__setattr__(self, "degrees_of_freedom", chosen)
-        object.__setattr__(self, "phase", float(self.phase))
-        object.__setattr__(self, "values", values)
-        object.__setattr__(self, "std", np.broadcast_to(std, values.shape).copy())
-
-    def indices(self, dimensions: int) -> NDArray[np.int64]:
-        """Give the indices (k,) of its degrees of freedom in a movement with ``dimensions`` of them.
-
-        Raises
-        ------
-        ShapeError
-            If it names a degree of freedom that does not exist, or has too few values for all.
-        """
-        if self.degrees_of_freedom is None:
-            if len(self.values) != dimensions:
-                raise ShapeError(f"via-point: {len(self.values)} values for {dimensions} degrees of freedom")
-            return np.arange(dimensions)
-        if any(not 0 <= index < dimensions for index in self.degrees_of_freedom):
-            raise ShapeError(
-                f"via-point: degrees of freedom {self.degrees_of_freedom} not all in 0…{dimensions - 1}"
-            )
-        return np.array(self.degrees_of_freedom, dtype=np.int64)
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain numbers."""
-        chosen = self.degrees_of_freedom
-        return {
-            "phase": self.phase,
-            "values": self.values.tolist(),
-            "degrees_of_freedom": None if chosen is None else list(chosen),
-            "std": np.asarray(self.std).tolist(),
-            "order": self.order,
-        }
-
-    @classmethod
-    def from_json(cls, data: dict[str, Any]) -> ViaPoint:
-        """Read what :meth:`to_json` wrote."""
-        try:
-            chosen = data["degrees_of_freedom"]
-            return cls(
-                phase=float(data["phase"]),
-                values=np.asarray(data["values"], dtype=np.float64),
-                degrees_of_freedom=None if chosen is None else tuple(chosen),
-                std=np.asarray(data["std"], dtype=np.float64),
-                order=int(data["order"]),
-            )
-        except (KeyError, TypeError, ValueError) as error:
-            raise FileFormatError(
-                f"via-point JSON: field missing or of the wrong kind ({error!r})"
-            ) from error
-
-
 def condition_gaussian(
-    mean: NDArray[np.float64],
-    covariance: NDArray[np.float64],
-    observation: NDArray[np.float64],
-    values: NDArray[np.float64],
-    variances: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    mean: Array, covariance: Array, observation: Array, values: Array, noise: Array
+) -> tuple[Array, Array]:
     """Posterior of ``w ~ N(mean, covariance)`` given ``values = observation @ w + noise``, all rows at once.
 
-    The gain ``K = Σ Aᵀ (A Σ Aᵀ + R)⁻¹`` is computed on rows scaled to unit variance, dropping directions
-    without any, so repeated via-points do no harm; the covariance is updated in Joseph's form ``(I − K A) Σ
-    (I − K A)ᵀ + K R Kᵀ``, which stays positive semi-definite under rounding.
+    The gain is ``K = Σ Aᵀ (A Σ Aᵀ + R)⁻¹``. Where the rows, scaled to unit variance, are nearly dependent,
+    directions without variance are dropped, so repeated via-points do no harm, and the covariance is updated in
+    Joseph's form ``(I − K A) Σ (I − K A)ᵀ + K R Kᵀ``, which stays positive semi-definite under rounding.
 
     Parameters
     ----------
     mean, covariance
         (N,) and (N, N) of the prior.
-    observation, values, variances
-        Matrix A (M, N), values (M,) and noise variances (M,), the diagonal of R.
+    observation, values
+        Matrix A (M, N) and values (M,).
+    noise
+        Noise variances (M,) of the values, or their covariance R (M, M).
 
     Returns
     -------
@@ -152,46 +53,67 @@ def condition_gaussian(
     """
     if len(values) == 0:
         return mean, covariance
-    gain = _gain(covariance, observation, variances)
+    # Σ Aᵀ and below it the residual, laid out as LAPACK wants their transpose: nothing is copied.
+    stacked = np.empty((len(mean) + 1, len(values)))
+    cross = stacked[:-1]
+    cross[:] = (observation @ covariance).T
+    stacked[-1] = values - observation @ mean
+    innovation = observation @ cross
+    if noise.ndim == 1:
+        innovation.flat[:: len(values) + 1] += noise
+    else:
+        innovation += noise
+    variances = innovation.diagonal().copy()
+    factor, failed = dpotrf(innovation.T, lower=1, clean=0, overwrite_a=1)
+    # The factor's diagonal over the variances is that of the factor of rows scaled to unit variance.
+    if not failed and (np.square(factor.diagonal()) > GOOD_PIVOT * variances).all():
+        largest = float(covariance.diagonal().max()) * float(np.vdot(observation, observation))
+        if min(variances.tolist()) > RELATIVE_RANK * largest:
+            whitened, _ = dtrtrs(factor, stacked.T, lower=1, overwrite_b=1)
+            root = whitened[:, :-1]
+            # rootᵀ root of one and the same array is symmetric to the last bit.
+            return mean + whitened[:, -1] @ root, covariance - root.T @ root
+    return _condition_carefully(mean, covariance, observation, values, noise)
+
+
+def _condition_carefully(
+    mean: Array, covariance: Array, observation: Array, values: Array, noise: Array
+) -> tuple[Array, Array]:
+    R = np.diag(noise) if noise.ndim == 1 else noise
+    gain = _gain(covariance, observation, R)
     posterior = mean + gain @ (values - observation @ mean)
     # Rounding in the gain leaves 1e-9 of a large correction; repeating the exact rows removes it.
-    exact = variances == 0.0
+    exact = np.diagonal(R) == 0.0
     if exact.any():
-        exact_gain = gain if exact.all() else _gain(covariance, observation[exact], np.zeros(exact.sum()))
+        exact_gain = (
+            gain if exact.all() else _gain(covariance, observation[exact], np.zeros((exact.sum(),) * 2))
+        )
         posterior = _polish(posterior, exact_gain, observation[exact], values[exact])
     remaining = np.eye(len(mean)) - gain @ observation
-    updated = remaining @ covariance @ remaining.T + (gain * variances) @ gain.T
+    updated = remaining @ covariance @ remaining.T + gain @ R @ gain.T
     return posterior, (updated + updated.T) / 2.0
 
 
-def _gain(
-    covariance: NDArray[np.float64], observation: NDArray[np.float64], variances: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _gain(covariance: Array, observation: Array, noise: Array) -> Array:
     cross = covariance @ observation.T
-    innovation = observation @ cross + np.diag(variances)
-    scale = np.sqrt(np.maximum(np.diag(innovation), 0.0))
-    inverse_scale = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
+    innovation = observation @ cross + noise
+    variances = np.diag(innovation)
+    varies = variances > _rounding(covariance, observation)
+    inverse_scale = np.where(varies, 1.0 / np.sqrt(np.where(varies, variances, 1.0)), 0.0)
     scaled = inverse_scale[:, None] * innovation * inverse_scale
-    scaled = (scaled + scaled.T) / 2.0
-    try:
-        factor = np.linalg.cholesky(scaled)
-        if float(np.diag(factor).min()) ** 2 > CHOLESKY_PIVOT:
-            half = solve_triangular(factor, np.diag(inverse_scale), lower=True, check_finite=False)
-            return np.asarray((cross @ half.T) @ half, dtype=np.float64)
-    except np.linalg.LinAlgError:
-        pass  # via-points that depend on each other: the eigenvectors tell which directions to keep
-    eigenvalues, vectors = np.linalg.eigh(scaled)
+    eigenvalues, vectors = np.linalg.eigh((scaled + scaled.T) / 2.0)
     kept = eigenvalues > RELATIVE_RANK * max(float(eigenvalues[-1]), 0.0)
     vectors = vectors[:, kept] * inverse_scale[:, None]
     return np.asarray((cross @ vectors / eigenvalues[kept]) @ vectors.T, dtype=np.float64)
 
 
-def _polish(
-    posterior: NDArray[np.float64],
-    gain: NDArray[np.float64],
-    observation: NDArray[np.float64],
-    values: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def _rounding(covariance: Array, observation: Array) -> Array:
+    """Variance (M,) of each row below which it is rounding left by an earlier exact via-point."""
+    largest = max(float(covariance.diagonal().max()), 0.0)
+    return np.asarray(RELATIVE_RANK * largest * np.einsum("ij,ij->i", observation, observation))
+
+
+def _polish(posterior: Array, gain: Array, observation: Array, values: Array) -> Array:
     for _ in range(2):
         posterior = posterior + gain @ (values - observation @ posterior)
     worst = float(np.abs(values - observation @ posterior).max())
@@ -203,14 +125,60 @@ def _polish(
     return posterior
 
 
-def stack_via_points(
-    via_points: Sequence[ViaPoint], dimensions: int, rows: Sequence[NDArray[np.float64]]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Observation matrix (M, D·B), values (M,), variances (M,); ``rows[i]`` (B,) is Φ at via-point i."""
-    blocks, values, variances = [], [], []
-    for via_point, row in zip(via_points, rows, strict=True):
-        indices = via_point.indices(dimensions)
-        blocks.append(np.kron(np.eye(dimensions)[indices], row))
-        values.append(via_point.values)
-        variances.append(np.asarray(via_point.std) ** 2)
-    return np.concatenate(blocks), np.concatenate(values), np.concatenate(variances)
+def observe(
+    via_points: Sequence[ViaPoint], basis: GaussianBasis, dimensions: int
+) -> tuple[Array, Array, Array]:
+    """Observation matrix (M, D·B), values (M,) and noise variances (M,) of via-points, one row a value."""
+    rows = _basis_rows(via_points, basis)
+    values = np.concatenate([point.values for point in via_points])
+    variances = _variances(via_points)
+    if all(point.degrees_of_freedom is None and len(point.values) == dimensions for point in via_points):
+        every = np.arange(dimensions)
+        matrix = np.zeros((len(via_points), dimensions, dimensions, basis.count))
+        matrix[:, every, every] = rows[:, None]
+        return matrix.reshape(len(values), -1), values, variances
+    degrees = [point.indices(dimensions) for point in via_points]
+    owner = np.repeat(np.arange(len(via_points)), [len(chosen) for chosen in degrees])
+    matrix = np.zeros((len(owner), dimensions, basis.count))
+    matrix[np.arange(len(owner)), np.concatenate(degrees)] = rows[owner]
+    return matrix.reshape(len(owner), -1), values, variances
+
+
+def _variances(via_points: Sequence[ViaPoint]) -> Array:
+    if all(isinstance(point.std, float) and point.std == 0.0 for point in via_points):
+        return np.zeros(sum(len(point.values) for point in via_points))
+    return np.concatenate([point.variances for point in via_points])
+
+
+def _basis_rows(via_points: Sequence[ViaPoint], basis: GaussianBasis) -> Array:
+    """Basis functions (P, B), or their derivatives, at each via-point."""
+    orders = {point.order for point in via_points}
+    if len(orders) == 1:
+        return basis.derivative([point.phase for point in via_points], orders.pop())
+    rows = np.empty((len(via_points), basis.count))
+    for order in orders:
+        of_order = [i for i, point in enumerate(via_points) if point.order == order]
+        rows[of_order] = basis.derivative([via_points[i].phase for i in of_order], order)
+    return rows
+
+
+def require_semi_definite(covariance: Array) -> None:
+    """Refuse what is not symmetric and positive semi-definite but for rounding, 1e-8 of the largest entry.
+
+    Raises
+    ------
+    ConfigurationError
+        With the smallest eigenvalue.
+    """
+    largest = float(np.abs(covariance).max())
+    if float(np.abs(covariance - covariance.T).max()) > 1e-8 * largest:
+        raise ConfigurationError("trajectory distribution: weight_covariance is not symmetric")
+    raised = covariance.copy()
+    raised.flat[:: len(covariance) + 1] += 1e-8 * largest + np.finfo(np.float64).tiny
+    # A factor of the slightly raised matrix exists unless an eigenvalue lies below; that is ten times quicker
+    # than the eigenvalues, which only the message needs.
+    if dpotrf(raised)[1]:
+        smallest = float(np.linalg.eigvalsh(covariance)[0])
+        raise ConfigurationError(
+            f"trajectory distribution: weight_covariance has a negative eigenvalue, {smallest:.3g}"
+        )

@@ -7,9 +7,11 @@ so correlations between joints are kept (the thesis decouples the joints).
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -17,11 +19,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from punnet.errors import ConfigurationError, FileFormatError, ShapeError
 from punnet.movement.basis import GaussianBasis
-from punnet.movement.conditioning import ViaPoint, condition_gaussian, stack_via_points
+from punnet.movement.conditioning import condition_gaussian, observe, require_semi_definite
+from punnet.movement.distribution_json import distribution_to_json, fields_from_json
+from punnet.movement.joint_trajectory import JointTrajectory
+from punnet.movement.pose_chart import COORDINATE_NAMES, PoseChart
+from punnet.movement.reduction import marginal_log_likelihood, reduce_demonstrations
+from punnet.movement.retiming import JointLimits, retime
+from punnet.movement.via_point import ViaPoint
+from punnet.outputs import write_text
 
 __all__ = ["Space", "TrajectoryDistribution"]
 
-DISTRIBUTION_SCHEMA = "punnet-trajectory-distribution/1"
+PATH_POINTS = 150
 Space = Literal["joint", "task"]
 SPACES: tuple[Space, ...] = ("joint", "task")
 
@@ -35,27 +44,29 @@ class TrajectoryDistribution:
     basis
         The B basis functions.
     weight_mean
-        (D, B) mean weights, radians in joint space, metres and quaternion entries in task space.
+        (D, B) mean weights: radians in joint space; metres and radians of a rotation vector in task space.
     weight_covariance
         (D·B, D·B) covariance of the weights stacked degree by degree; symmetric, positive semi-definite.
     duration
-        Seconds that the movement takes at the demonstrated pace.
+        Seconds that the movement takes at the demonstrated pace; ``duration · phase`` is the time.
     names
-        Names of the degrees of freedom; ``q1 … qD`` if not given.
+        Names of the degrees of freedom; ``q1 … qD``, in task space ``x y z rx ry rz``, if not given.
     space
-        ``"joint"`` or ``"task"``.
+        ``"joint"``, or ``"task"``: the six coordinates of a ``chart``.
     observation_std
         (D,) standard deviation of the noise ε of Eq. 5.3 around the weighted basis; zeros if not given.
     via_points
         What it has been conditioned on so far, in order.
+    chart
+        In task space what the coordinates mean as poses; around the base's own axes if not given.
 
     Raises
     ------
     ShapeError
         If a shape disagrees or a number is not finite.
     ConfigurationError
-        If the covariance is not symmetric positive semi-definite, the duration not positive or the space
-        unknown.
+        If the covariance is not symmetric positive semi-definite, the duration not positive, the space unknown or
+        a chart given for joints.
     """
 
     basis: GaussianBasis
@@ -66,6 +77,7 @@ class TrajectoryDistribution:
     space: Space = "joint"
     observation_std: NDArray[np.float64] | None = None
     via_points: tuple[ViaPoint, ...] = ()
+    chart: PoseChart | None = None
 
     def __post_init__(self) -> None:
         mean = np.asarray(self.weight_mean, dtype=np.float64)
@@ -81,16 +93,14 @@ class TrajectoryDistribution:
             )
         if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
             raise ShapeError("trajectory distribution: weights must be finite")
-        _require_semi_definite(covariance)
+        require_semi_definite(covariance)
         if not (math.isfinite(self.duration) and self.duration > 0):
             raise ConfigurationError(
                 f"trajectory distribution: duration must be positive, got {self.duration}"
             )
-        if self.space not in SPACES:
-            raise ConfigurationError(
-                f"trajectory distribution: space must be one of {SPACES}, got {self.space!r}"
-            )
-        names = tuple(self.names) or tuple(f"q{i + 1}" for i in range(len(mean)))
+        self._require_space(len(mean))
+        default = COORDINATE_NAMES if self.space == "task" else tuple(f"q{i + 1}" for i in range(len(mean)))
+        names = tuple(self.names) or default
         if len(names) != len(mean):
             raise ShapeError(
                 f"trajectory distribution: {len(names)} names for {len(mean)} degrees of freedom"
@@ -107,36 +117,60 @@ class TrajectoryDistribution:
             ("names", names),
             ("observation_std", noise),
             ("via_points", tuple(self.via_points)),
+            ("chart", PoseChart() if self.space == "task" and self.chart is None else self.chart),
         ):
             object.__setattr__(self, field, value)
+
+    def _require_space(self, dimensions: int) -> None:
+        if self.space not in SPACES:
+            raise ConfigurationError(
+                f"trajectory distribution: space must be one of {SPACES}, got {self.space!r}"
+            )
+        if self.space == "task" and dimensions != len(COORDINATE_NAMES):
+            raise ShapeError(
+                f"trajectory distribution: task space has the six coordinates of a pose chart, got {dimensions}; "
+                "quaternions become rotation vectors by PoseChart.coordinates"
+            )
+        if self.space == "joint" and self.chart is not None:
+            raise ConfigurationError("trajectory distribution: a chart belongs to task space, not to joints")
+
+    def _with_weights(
+        self, mean: NDArray[np.float64], covariance: NDArray[np.float64], **changes: Any
+    ) -> TrajectoryDistribution:
+        """Copy with weights that are right by construction, without the checks of the constructor."""
+        copy = object.__new__(TrajectoryDistribution)
+        copy.__dict__.update(self.__dict__)
+        copy.__dict__.update(weight_mean=mean, weight_covariance=covariance, **changes)
+        return copy
 
     @property
     def dimensions(self) -> int:
         """Number of degrees of freedom D."""
         return int(self.weight_mean.shape[0])
 
-    def mean(self, phase: ArrayLike) -> NDArray[np.float64]:
-        """Mean trajectory (T, D) at phases (T,): Eq. 5.7."""
-        return self.basis.phi(phase) @ self.weight_mean.T
+    def mean(self, phase: ArrayLike, order: int = 0) -> NDArray[np.float64]:
+        """Mean trajectory (T, D) at phases (T,): Eq. 5.7.
 
-    def mean_derivative(self, phase: ArrayLike, order: int = 1) -> NDArray[np.float64]:
-        """Differentiate the mean with respect to phase, (T, D); divide by ``duration**order`` for time."""
+        ``order`` 1 and 2 give its derivatives by phase; divide by ``duration**order`` for those by time.
+        """
         return self.basis.derivative(phase, order) @ self.weight_mean.T
 
-    def covariance(self, phase: ArrayLike) -> NDArray[np.float64]:
+    def covariance(self, phase: ArrayLike, order: int = 0) -> NDArray[np.float64]:
         """Covariance (T, D, D) between the degrees of freedom at each phase, without observation noise."""
-        phi, D, B = self.basis.phi(phase), self.dimensions, self.basis.count
+        phi, D, B = self.basis.derivative(phase, order), self.dimensions, self.basis.count
         half = np.tensordot(phi, self.weight_covariance.reshape(D, B, D, B), axes=(1, 3))
         return np.asarray(np.einsum("tdbe,tb->tde", half, phi), dtype=np.float64)
 
-    def std(self, phase: ArrayLike) -> NDArray[np.float64]:
+    def std(self, phase: ArrayLike, order: int = 0) -> NDArray[np.float64]:
         """Give the standard deviation (T, D) at phases (T,), without observation noise: Eq. 5.7."""
-        phi, D, B = self.basis.phi(phase), self.dimensions, self.basis.count
+        phi, D, B = self.basis.derivative(phase, order), self.dimensions, self.basis.count
         blocks = np.einsum("dbdc->dbc", self.weight_covariance.reshape(D, B, D, B))
         variances = np.einsum("dtc,tc->td", phi @ blocks, phi)
         return np.asarray(np.sqrt(np.maximum(variances, 0.0)), dtype=np.float64)
 
-    def sample(self, rng: np.random.Generator, n: int, phase: ArrayLike) -> NDArray[np.float64]:
+    def sample(
+        self, rng: np.random.Generator, n: int, phase: ArrayLike, order: int = 0
+    ) -> NDArray[np.float64]:
         """``n`` smooth trajectories (n, T, D), drawn without observation noise.
 
         Raises
@@ -146,11 +180,12 @@ class TrajectoryDistribution:
         """
         if n < 0:
             raise ConfigurationError(f"trajectory distribution: can't draw {n} samples")
+        phi, D, B = self.basis.derivative(phase, order), self.dimensions, self.basis.count
         eigenvalues, vectors = np.linalg.eigh(self.weight_covariance)
         factor = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
-        weights = self.weight_mean.ravel() + rng.standard_normal((n, self.weight_mean.size)) @ factor.T
-        by_degree = weights.reshape(n, self.dimensions, self.basis.count)
-        return np.asarray(self.basis.phi(phase) @ by_degree.transpose(0, 2, 1), dtype=np.float64)
+        weights = self.weight_mean.ravel() + rng.standard_normal((n, D * B)) @ factor.T
+        curves = weights.reshape(n * D, B) @ phi.T
+        return np.asarray(curves.reshape(n, D, len(phi)).transpose(0, 2, 1), dtype=np.float64)
 
     def log_density(self, phase: float, values: ArrayLike, *, std: float = 0.0) -> float:
         """Log of Eq. 5.6 for all degrees of freedom together at one phase, in nats.
@@ -169,6 +204,33 @@ class TrajectoryDistribution:
         projected = vectors.T @ residual
         return float(-0.5 * (projected**2 / variances + np.log(2.0 * np.pi * variances)).sum())
 
+    def log_likelihood(self, trajectory: ArrayLike, phase: ArrayLike | None = None) -> float:
+        """Log-likelihood in nats of a whole observed trajectory (T, D), Eq. 5.5 with the weights integrated out.
+
+        Sampled evenly from start to end, or at phases (T,). The observation noise counts as at least 1e-9.
+
+        Raises
+        ------
+        ShapeError
+            If it is not a finite (T, D) array or the phases are not T.
+        """
+        values = np.asarray(trajectory, dtype=np.float64)
+        if (
+            values.ndim != 2
+            or values.shape[1] != self.dimensions
+            or not np.isfinite(values).all()
+            or not len(values)
+        ):
+            raise ShapeError(
+                f"trajectory distribution: trajectory must be finite (T, {self.dimensions}), got {values.shape}"
+            )
+        phases = None if phase is None else [np.asarray(phase, dtype=np.float64)]
+        if phases is not None and phases[0].shape != (len(values),):
+            raise ShapeError(f"trajectory distribution: {len(values)} samples but phases {phases[0].shape}")
+        reduced = reduce_demonstrations(self.basis, [values], phases)
+        noise = np.square(np.asarray(self.observation_std))
+        return float(marginal_log_likelihood(reduced, self.weight_mean, self.weight_covariance, noise)[0])
+
     def condition(self, via_points: Sequence[ViaPoint]) -> TrajectoryDistribution:
         """Distribution of the trajectories that pass all ``via_points``, taken jointly.
 
@@ -185,16 +247,12 @@ class TrajectoryDistribution:
         via_points = tuple(via_points)
         if not via_points:
             return self
-        rows = [self.basis.derivative([point.phase], point.order)[0] for point in via_points]
-        observation, values, variances = stack_via_points(via_points, self.dimensions, rows)
+        observation, values, variances = observe(via_points, self.basis, self.dimensions)
         mean, covariance = condition_gaussian(
             self.weight_mean.ravel(), self.weight_covariance, observation, values, variances
         )
-        return replace(
-            self,
-            weight_mean=mean.reshape(self.weight_mean.shape),
-            weight_covariance=covariance,
-            via_points=self.via_points + via_points,
+        return self._with_weights(
+            mean.reshape(self.weight_mean.shape), covariance, via_points=self.via_points + via_points
         )
 
     def broadened(self, std: ArrayLike) -> TrajectoryDistribution:
@@ -206,19 +264,58 @@ class TrajectoryDistribution:
         added = np.diag(np.repeat(per_degree**2, self.basis.count))
         return replace(self, weight_covariance=self.weight_covariance + added)
 
+    def retimed(self, duration: float) -> TrajectoryDistribution:
+        """Keep the path and take ``duration`` seconds for it.
+
+        Raises
+        ------
+        ConfigurationError
+            If it is not positive.
+        """
+        return replace(self, duration=duration)
+
+    def to_joint_trajectory(
+        self,
+        limits: JointLimits,
+        *,
+        speed: float = 1.0,
+        time_step: float = 0.01,
+        at_least: float = 0.0,
+        samples: int = PATH_POINTS,
+    ) -> JointTrajectory:
+        """Time the mean path as an arm may execute it: rest to rest, within its limits (:func:`retime`).
+
+        Parameters
+        ----------
+        limits
+            Of the arm.
+        speed
+            In (0, 1]: share of its speed to use.
+        time_step
+            Seconds between the samples.
+        at_least
+            Seconds to take at least; ``distribution.duration`` keeps the demonstrated pace where the arm can.
+        samples
+            Points of the path.
+
+        Raises
+        ------
+        ConfigurationError
+            In task space, whose poses need inverse kinematics first (``punnet.robot.follow_path``).
+        KinematicsError
+            If the mean leaves the joint limits.
+        """
+        if self.space != "joint":
+            raise ConfigurationError(
+                "trajectory distribution: poses are no joint trajectory; chart.poses(mean(phase)) are the poses, "
+                "punnet.robot.follow_path finds the joints"
+            )
+        path = self.mean(np.linspace(0.0, 1.0, samples))
+        return retime(path, limits, speed=speed, time_step=time_step, at_least=at_least)
+
     def to_json(self) -> dict[str, Any]:
         """Plain JSON."""
-        return {
-            "schema": DISTRIBUTION_SCHEMA,
-            "space": self.space,
-            "names": list(self.names),
-            "duration": self.duration,
-            "basis": self.basis.to_json(),
-            "weight_mean": self.weight_mean.tolist(),
-            "weight_covariance": self.weight_covariance.tolist(),
-            "observation_std": np.asarray(self.observation_std).tolist(),
-            "via_points": [point.to_json() for point in self.via_points],
-        }
+        return distribution_to_json(self)
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> TrajectoryDistribution:
@@ -229,39 +326,34 @@ class TrajectoryDistribution:
         FileFormatError
             If the schema is unknown, a field is missing or the arrays do not fit.
         """
-        if not isinstance(data, dict) or data.get("schema") != DISTRIBUTION_SCHEMA:
-            found = data.get("schema") if isinstance(data, dict) else type(data).__name__
-            raise FileFormatError(
-                f"trajectory distribution JSON: schema must be '{DISTRIBUTION_SCHEMA}', got {found!r}"
-            )
+        fields = fields_from_json(data)
         try:
-            return cls(
-                basis=GaussianBasis.from_json(data["basis"]),
-                weight_mean=np.asarray(data["weight_mean"], dtype=np.float64),
-                weight_covariance=np.asarray(data["weight_covariance"], dtype=np.float64),
-                duration=float(data["duration"]),
-                names=tuple(str(name) for name in data["names"]),
-                space=data["space"],
-                observation_std=np.asarray(data["observation_std"], dtype=np.float64),
-                via_points=tuple(ViaPoint.from_json(point) for point in data["via_points"]),
-            )
-        except FileFormatError:
-            raise
-        except (KeyError, TypeError, ValueError) as error:
+            return cls(**fields)
+        except ValueError as error:
             raise FileFormatError(f"trajectory distribution JSON: {error}") from error
 
+    def save(self, path: str | Path, *, force: bool = False) -> Path:
+        """Write a JSON file, whole or not at all.
 
-def _require_semi_definite(covariance: NDArray[np.float64]) -> None:
-    largest = float(np.abs(covariance).max())
-    if not np.allclose(covariance, covariance.T, rtol=0.0, atol=1e-8 * largest):
-        raise ConfigurationError("trajectory distribution: weight_covariance is not symmetric")
-    allowed = 1e-8 * largest
-    try:
-        # A factor of the slightly raised matrix exists unless an eigenvalue is below −allowed; that is ten
-        # times quicker than the eigenvalues, which only the message needs.
-        np.linalg.cholesky(covariance + (allowed + np.finfo(np.float64).tiny) * np.eye(len(covariance)))
-    except np.linalg.LinAlgError as error:
-        smallest = float(np.linalg.eigvalsh(covariance)[0])
-        raise ConfigurationError(
-            f"trajectory distribution: weight_covariance has a negative eigenvalue, {smallest:.3g}"
-        ) from error
+        Raises
+        ------
+        OutputError
+            If the file exists and ``force`` is not set, or can't be written.
+        """
+        return write_text(path, json.dumps(self.to_json()) + "\n", force=force)
+
+    @classmethod
+    def load(cls, path: str | Path) -> TrajectoryDistribution:
+        """Read what :meth:`save` wrote.
+
+        Raises
+        ------
+        FileFormatError
+            If the file is missing or not a trajectory distribution.
+        """
+        try:
+            return cls.from_json(json.loads(Path(path).read_text(encoding="utf-8")))
+        except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+            raise FileFormatError(f"{path}: can't be read as JSON ({error})") from error
+        except FileFormatError as error:
+            raise FileFormatError(f"{path}: {error}") from error

@@ -135,6 +135,21 @@ class JointTrajectory:
             self.joint_names,
         )
 
+    def stretched(self, factor: float) -> JointTrajectory:
+        """The same path, ``factor`` times as slow: velocities fall by it, accelerations by its square.
+
+        A factor of at least 1 keeps every limit that held.
+        """
+        if not (np.isfinite(factor) and factor > 0):
+            raise ShapeError(f"trajectory: the factor must be positive, got {factor}")
+        return JointTrajectory(
+            self.times * factor,
+            self.positions,
+            None if self.velocities is None else self.velocities / factor,
+            None if self.accelerations is None else self.accelerations / factor**2,
+            self.joint_names,
+        )
+
     @classmethod
     def concatenate(
         cls, trajectories: Sequence[JointTrajectory], *, tolerance: float = 1e-3

@@ -4,159 +4,213 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from punnet.errors import ConfigurationError, ShapeError
 from punnet.movement.basis import GaussianBasis
-from punnet.movement.distribution import Space, TrajectoryDistribution
+from punnet.movement.distribution import TrajectoryDistribution
+from punnet.movement.pose_chart import PoseChart
+from punnet.movement.reduction import reduce_demonstrations
+from punnet.movement.regression import Estimator, Ridge, WeightEstimate
 
-__all__ = ["ProMP", "shrunk_covariance"]
+__all__ = ["Covariance", "ProMP", "checked_demonstrations"]
+
+Covariance = Literal["full", "per-degree"]
+COVARIANCES: tuple[Covariance, ...] = ("full", "per-degree")
 
 
 @dataclass(frozen=True, slots=True)
 class ProMP:
     """How demonstrations become a :class:`~punnet.movement.TrajectoryDistribution`.
 
-    Each demonstration is reduced to weights by ridge regression (Eq. 5.2); the weights of all degrees of
-    freedom together are then described by their mean and full covariance.
-
     Parameters
     ----------
     basis
         Basis functions.
-    ridge
-        Weight of the ridge penalty relative to the mean diagonal of ΦᵀΦ; it only has to tame rounding.
-    shrinkage
-        Share by which correlations between weights are drawn to zero, in [0, 1]; None estimates it from the
-        data, so that a handful of demonstrations still gives a usable covariance.
-    minimum_std
-        Standard deviation that every weight keeps at least, in its own unit.
+    estimator
+        :class:`~punnet.movement.Ridge` (Eq. 5.2: quick, the default) or
+        :class:`~punnet.movement.ExpectationMaximisation` (for noisy, short or partial demonstrations, and priors).
+    covariance
+        ``"full"`` over all degrees of freedom together, or ``"per-degree"`` blocks, as the thesis has it.
 
     Raises
     ------
     ConfigurationError
-        If a number is out of range.
+        If the covariance is of an unknown kind.
     """
 
     basis: GaussianBasis = field(default_factory=GaussianBasis)
-    ridge: float = 1e-8
-    shrinkage: float | None = None
-    minimum_std: float = 1e-3
+    estimator: Estimator = field(default_factory=Ridge)
+    covariance: Covariance = "full"
 
     def __post_init__(self) -> None:
-        if not self.ridge >= 0:
-            raise ConfigurationError(f"ProMP: ridge must be ≥ 0, got {self.ridge}")
-        if self.shrinkage is not None and not 0 <= self.shrinkage <= 1:
-            raise ConfigurationError(f"ProMP: shrinkage must lie in [0, 1], got {self.shrinkage}")
-        if not self.minimum_std >= 0:
-            raise ConfigurationError(f"ProMP: minimum_std must be ≥ 0, got {self.minimum_std}")
+        if self.covariance not in COVARIANCES:
+            raise ConfigurationError(
+                f"ProMP: covariance must be one of {COVARIANCES}, got {self.covariance!r}"
+            )
 
-    def weights(self, demonstration: ArrayLike) -> NDArray[np.float64]:
-        """Weights (D, B) of one demonstration (T, D) sampled evenly from start to end.
+    def weights(self, demonstration: ArrayLike, times: ArrayLike | None = None) -> NDArray[np.float64]:
+        """Weights (D, B) of one demonstration (T, D) by ridge regression; sampled evenly or at times (T,).
 
         Raises
         ------
         ShapeError
             If it is not a finite (T, D) array with T ≥ 2.
         """
-        values = np.asarray(demonstration, dtype=np.float64)
-        if values.ndim != 2 or values.shape[0] < 2 or values.shape[1] < 1 or not np.isfinite(values).all():
-            raise ShapeError(f"ProMP: a demonstration must be finite (T ≥ 2, D), got {values.shape}")
-        phi = self.basis.phi(np.linspace(0.0, 1.0, len(values)))
-        # Solved as an augmented least-squares problem: its condition is cond(Φ), not cond(Φ)².
-        penalty = np.sqrt(self.ridge * np.square(phi).sum() / self.basis.count)
-        lhs = np.vstack((phi, penalty * np.eye(self.basis.count)))
-        rhs = np.vstack((values, np.zeros((self.basis.count, values.shape[1]))))
-        return np.asarray(np.linalg.lstsq(lhs, rhs, rcond=None)[0].T, dtype=np.float64)
+        arrays = checked_demonstrations([demonstration])
+        phases = None if times is None else _phases([times], arrays)[0]
+        return np.asarray(Ridge().weights(reduce_demonstrations(self.basis, arrays, phases))[0])
 
     def fit(
         self,
         demonstrations: Sequence[ArrayLike],
         *,
+        times: Sequence[ArrayLike] | None = None,
         durations: Sequence[float] | None = None,
         names: Sequence[str] = (),
-        space: Space = "joint",
     ) -> TrajectoryDistribution:
-        """Distribution of trajectories like the demonstrations.
+        """Distribution of joint-space trajectories like the demonstrations.
 
         Parameters
         ----------
         demonstrations
             N ≥ 1 arrays (T_n, D); lengths may differ.
+        times
+            N arrays (T_n,) of seconds, rising, from the start to the end of each movement. Without them the
+            demonstrations are taken to be sampled evenly.
         durations
-            (N,) seconds each took; the mean is kept. One second if not given.
-        names, space
-            Passed on.
+            (N,) seconds each took, instead of ``times``; the mean is kept. One second if neither is given.
+        names
+            Of the degrees of freedom.
 
         Raises
         ------
         ShapeError
-            If there is no demonstration or they disagree in D.
+            If there is no demonstration, one is not a finite (T ≥ 2, D) array, they disagree in D, or times or
+            durations do not fit; the message names the demonstration.
+        ConfigurationError
+            If both times and durations are given.
+        """
+        arrays = checked_demonstrations(demonstrations)
+        estimate, duration = self._estimate(arrays, times, durations)
+        return TrajectoryDistribution(
+            basis=self.basis,
+            weight_mean=estimate.mean,
+            weight_covariance=estimate.covariance,
+            duration=duration,
+            names=tuple(names),
+            observation_std=estimate.noise_std,
+        )
+
+    def fit_poses(
+        self,
+        demonstrations: Sequence[ArrayLike],
+        *,
+        times: Sequence[ArrayLike] | None = None,
+        durations: Sequence[float] | None = None,
+        chart: PoseChart | None = None,
+    ) -> TrajectoryDistribution:
+        """Distribution of task-space trajectories like demonstrated poses, arrays (T_n, 4, 4) ``T_base_end``.
+
+        Orientations are weighed as rotation vectors around their mean (or the reference of ``chart``), so that
+        every mean and sample is a pose.
+
+        Raises
+        ------
+        ShapeError, ConfigurationError
+            As :meth:`fit`; also if a pose is not rigid or turns right round.
         """
         if len(demonstrations) == 0:
             raise ShapeError("ProMP: no demonstrations to fit")
-        arrays = [np.asarray(demonstration, dtype=np.float64) for demonstration in demonstrations]
-        weights = [self.weights(array) for array in arrays]
-        if len({w.shape for w in weights}) != 1:
-            raise ShapeError(f"ProMP: demonstrations disagree in D: {sorted({w.shape[0] for w in weights})}")
-        if durations is not None and len(durations) != len(arrays):
-            raise ShapeError(f"ProMP: {len(durations)} durations for {len(arrays)} demonstrations")
-        stacked = np.stack(weights)
-        covariance = shrunk_covariance(stacked.reshape(len(stacked), -1), self.shrinkage)
-        variances = np.maximum(self.minimum_std**2 - np.diag(covariance), 0.0)
+        chart = PoseChart.around(demonstrations) if chart is None else chart
+        arrays = checked_demonstrations([chart.coordinates(poses) for poses in demonstrations])
+        estimate, duration = self._estimate(arrays, times, durations)
         return TrajectoryDistribution(
             basis=self.basis,
-            weight_mean=stacked.mean(axis=0),
-            weight_covariance=covariance + np.diag(variances),
-            duration=1.0 if durations is None else float(np.mean(durations)),
-            names=tuple(names),
-            space=space,
-            observation_std=self._residual_std(arrays, weights),
+            weight_mean=estimate.mean,
+            weight_covariance=estimate.covariance,
+            duration=duration,
+            space="task",
+            observation_std=estimate.noise_std,
+            chart=chart,
         )
 
-    def _residual_std(
-        self, arrays: Sequence[NDArray[np.float64]], weights: Sequence[NDArray[np.float64]]
-    ) -> NDArray[np.float64]:
-        squares, count = np.zeros(weights[0].shape[0]), 0
-        for values, w in zip(arrays, weights, strict=True):
-            residual = values - self.basis.phi(np.linspace(0.0, 1.0, len(values))) @ w.T
-            squares += np.square(residual).sum(axis=0)
-            count += len(values)
-        return np.sqrt(squares / count)
+    def _estimate(
+        self,
+        arrays: Sequence[NDArray[np.float64]],
+        times: Sequence[ArrayLike] | None,
+        durations: Sequence[float] | None,
+    ) -> tuple[WeightEstimate, float]:
+        if times is not None and durations is not None:
+            raise ConfigurationError("ProMP: give times or durations, not both; times tell the durations")
+        phases: list[NDArray[np.float64]] | None = None
+        duration = 1.0
+        if times is not None:
+            phases, spans = _phases(times, arrays)
+            duration = float(spans.mean())
+        elif durations is not None:
+            if len(durations) != len(arrays):
+                raise ShapeError(f"ProMP: {len(durations)} durations for {len(arrays)} demonstrations")
+            duration = float(np.mean(durations))
+        reduced = reduce_demonstrations(self.basis, arrays, phases)
+        return self.estimator.estimate(reduced, self.covariance), duration
 
 
-def shrunk_covariance(samples: NDArray[np.float64], shrinkage: float | None = None) -> NDArray[np.float64]:
-    """Covariance (N, N) of samples (M, N) with correlations shrunk towards zero, variances kept.
+def checked_demonstrations(demonstrations: Sequence[ArrayLike]) -> list[NDArray[np.float64]]:
+    """Demonstrations (T_n, D) as arrays of one D.
 
-    ``shrinkage`` None uses Schäfer and Strimmer's (2005) estimate ``λ = Σ Var(r_ij) / Σ r_ij²`` over i ≠ j,
-    which goes to 0 with many samples and to 1 with few. One sample gives zeros.
+    Raises
+    ------
+    ShapeError
+        Naming the demonstration, and of a number that is not finite its place.
     """
-    count = len(samples)
-    centred = samples - samples.mean(axis=0)
-    if count < 2:
-        return np.zeros((samples.shape[1], samples.shape[1]))
-    std = centred.std(axis=0, ddof=1)
-    standard = np.divide(centred, std, out=np.zeros_like(centred), where=std > 1e-12)
-    correlation = standard.T @ standard / (count - 1)
-    if shrinkage is None:
-        shrinkage = _estimated_shrinkage(standard, correlation)
-    shrunk = (1.0 - shrinkage) * correlation
-    np.fill_diagonal(shrunk, np.diag(correlation))
-    covariance = std[:, None] * shrunk * std
-    return np.asarray((covariance + covariance.T) / 2.0, dtype=np.float64)
+    if len(demonstrations) == 0:
+        raise ShapeError("ProMP: no demonstrations to fit")
+    arrays = []
+    for number, demonstration in enumerate(demonstrations):
+        try:
+            values = np.asarray(demonstration, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise ShapeError(f"ProMP: demonstration {number} is no array of numbers ({error})") from error
+        if values.ndim != 2 or values.shape[1] < 1:
+            raise ShapeError(f"ProMP: demonstration {number} must be (T, D), got {values.shape}")
+        if len(values) < 2:
+            raise ShapeError(
+                f"ProMP: demonstration {number} has {len(values)} sample; a movement needs its start and its end"
+            )
+        if not np.isfinite(values).all():
+            sample, degree = np.argwhere(~np.isfinite(values))[0].tolist()
+            raise ShapeError(
+                f"ProMP: demonstration {number} must be finite, but sample {sample}, degree of freedom {degree} is "
+                f"{values[sample, degree]}"
+            )
+        arrays.append(values)
+    counts = [values.shape[1] for values in arrays]
+    if len(set(counts)) != 1:
+        odd = next(number for number, count in enumerate(counts) if count != counts[0])
+        raise ShapeError(
+            f"ProMP: demonstrations disagree in D: demonstration 0 has {counts[0]} degrees of freedom, "
+            f"demonstration {odd} has {counts[odd]}"
+        )
+    return arrays
 
 
-def _estimated_shrinkage(standard: NDArray[np.float64], correlation: NDArray[np.float64]) -> float:
-    count = len(standard)
-    if count < 3:
-        return 1.0
-    mean_products = correlation * (count - 1) / count
-    squares = (standard**2).T @ (standard**2)
-    variances = count / (count - 1) ** 3 * (squares - count * mean_products**2)
-    off_diagonal = ~np.eye(len(correlation), dtype=bool)
-    strength = float(np.square(correlation[off_diagonal]).sum())
-    if strength == 0.0:
-        return 1.0
-    return float(np.clip(variances[off_diagonal].sum() / strength, 0.0, 1.0))
+def _phases(
+    times: Sequence[ArrayLike], arrays: Sequence[NDArray[np.float64]]
+) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
+    """Phases (T_n,) of each demonstration and durations (N,)."""
+    if len(times) != len(arrays):
+        raise ShapeError(f"ProMP: {len(times)} arrays of times for {len(arrays)} demonstrations")
+    phases, spans = [], []
+    for number, (stamps, values) in enumerate(zip(times, arrays, strict=True)):
+        t = np.asarray(stamps, dtype=np.float64)
+        if t.shape != (len(values),) or not np.isfinite(t).all() or (np.diff(t) <= 0).any():
+            raise ShapeError(
+                f"ProMP: times of demonstration {number} must be ({len(values)},), finite and rising"
+            )
+        phases.append((t - t[0]) / (t[-1] - t[0]))
+        spans.append(t[-1] - t[0])
+    return phases, np.array(spans)

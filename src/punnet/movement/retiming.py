@@ -96,6 +96,7 @@ def retime(
     speed: float = 1.0,
     time_step: float = 0.01,
     tolerance: float = 0.005,
+    at_least: float = 0.0,
 ) -> JointTrajectory:
     """Give a joint path its time: rest to rest, within position, velocity, acceleration and jerk limits.
 
@@ -111,6 +112,8 @@ def retime(
         Seconds between samples; the duration is a multiple of it.
     tolerance
         Radians by which corners of the path may be rounded. Both ends are kept exactly.
+    at_least
+        Seconds that the motion takes at least; what would be quicker is slowed down evenly.
 
     Returns
     -------
@@ -125,7 +128,7 @@ def retime(
     KinematicsError
         If the path leaves the position limits; the message names the joint and the point.
     ConfigurationError
-        If ``speed``, ``time_step`` or ``tolerance`` is out of range.
+        If ``speed``, ``time_step``, ``tolerance`` or ``at_least`` is out of range.
     """
     if not 0 < speed <= 1:
         raise ConfigurationError(f"retime: speed must be in (0, 1], got {speed}")
@@ -133,16 +136,19 @@ def retime(
         raise ConfigurationError(
             f"retime: time_step must be in (0, 1] s and tolerance positive, got {time_step} and {tolerance}"
         )
+    if not 0 <= at_least < np.inf:
+        raise ConfigurationError(f"retime: at_least must be seconds ≥ 0, got {at_least}")
     points = _validated_path(path, limits)
     if len(points) == 1:
         rest = np.zeros((2, points.shape[1]))
         return JointTrajectory(
-            np.array([0.0, time_step]), points[[0, 0]], rest, rest.copy(), limits.joint_names
+            np.array([0.0, max(time_step, at_least)]), points[[0, 0]], rest, rest.copy(), limits.joint_names
         )
     allowed = limits.slowed(speed)
     spline = _rounded(points, allowed.velocity, tolerance)
     candidates = (
-        _timed(spline, profile, allowed, time_step) for profile in _profiles(spline, allowed, time_step)
+        _timed(spline, profile, allowed, time_step, at_least)
+        for profile in _profiles(spline, allowed, time_step)
     )
     return min(candidates, key=lambda trajectory: trajectory.duration)
 
@@ -229,12 +235,13 @@ def _one_axis(length: float, velocity: float, acceleration: float, jerk: float) 
 
 
 def _timed(
-    spline: BSpline, profile: RuckigTrajectory, limits: JointLimits, time_step: float
+    spline: BSpline, profile: RuckigTrajectory, limits: JointLimits, time_step: float, at_least: float
 ) -> JointTrajectory:
     """Sample the spline along the profile, in the fewest time steps that hold the limits."""
-    count = max(MINIMUM_STEPS, int(np.ceil(profile.duration / time_step)))
+    wanted = max(profile.duration, at_least)
+    count = max(MINIMUM_STEPS, int(np.ceil(wanted / time_step - 1e-9)))
     excess = _excess(_sampled(spline, profile, count, time_step, limits), limits)
-    count = max(MINIMUM_STEPS, int(np.ceil(count * excess)))
+    count = max(count if at_least else MINIMUM_STEPS, int(np.ceil(count * excess)))
     while True:
         trajectory = _sampled(spline, profile, count, time_step, limits)
         excess = _excess(trajectory, limits)

@@ -6,29 +6,12 @@ import csv
 import json
 from pathlib import Path
 
-import numpy as np
-
-from punnet.movement import JointLimits, JointTrajectory, TrajectoryDistribution, retime
+from punnet.movement import JointTrajectory, TrajectoryDistribution
 from punnet.planning.plot import plot_distribution
 
-__all__ = ["timed_mean", "write_plan"]
+__all__ = ["write_plan"]
 
-PATH_POINTS = 150
 TIME_STEP = 0.02
-
-
-def timed_mean(
-    distribution: TrajectoryDistribution, limits: JointLimits, *, speed: float = 0.25
-) -> JointTrajectory:
-    """Time the mean of a joint-space distribution so that it keeps ``limits`` at a share ``speed`` of them.
-
-    Raises
-    ------
-    KinematicsError
-        If the mean leaves the joint limits.
-    """
-    path = distribution.mean(np.linspace(0.0, 1.0, PATH_POINTS))
-    return retime(path, limits, speed=speed)
 
 
 def write_plan(folder: Path, distribution: TrajectoryDistribution, trajectory: JointTrajectory) -> list[Path]:

@@ -118,4 +118,4 @@ def _position_at(via_point: ViaPoint, degree: int) -> tuple[float, float, float]
     if via_point.order != 0 or (chosen is not None and degree not in chosen):
         return None
     index = degree if chosen is None else chosen.index(degree)
-    return via_point.phase, float(via_point.values[index]), float(np.asarray(via_point.std)[index])
+    return via_point.phase, float(via_point.values[index]), float(np.sqrt(via_point.variances[index]))

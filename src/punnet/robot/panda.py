@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from punnet.errors import ShapeError
 from punnet.geometry import invert_transform, is_transform
-from punnet.movement import JointLimits
+from punnet.movement import ForwardKinematics, JointLimits
 from punnet.robot.tool import T_FLANGE_TOOL
 
 __all__ = ["HOME", "JOINT_NAMES", "PANDA_LIMITS", "PANDA_TORQUE", "Panda"]
@@ -138,6 +138,18 @@ class Panda:
         J[2] = axis[0] * lever[1] - axis[1] * lever[0]
         J[3:] = axis
         return np.moveaxis(J, (0, 1), (-2, -1))
+
+    def jacobian_tool(self, joints: ArrayLike) -> NDArray[np.float64]:
+        """Geometric Jacobian (..., 6, 7) of the tool's origin in the base frame, rows as :meth:`jacobian`."""
+        J = self.jacobian(joints)
+        lever = self.forward_kinematics(joints)[..., :3, :3] @ self.T_flange_tool[:3, 3]
+        J[..., :3, :] += np.cross(J[..., 3:, :], lever[..., None], axis=-2)
+        return J
+
+    @property
+    def tool_kinematics(self) -> ForwardKinematics:
+        """The tool's kinematics as movement primitives take them, to condition on poses of the tool."""
+        return ForwardKinematics(self.forward_kinematics_tool, self.jacobian_tool)
 
     def manipulability(self, joints: ArrayLike) -> NDArray[np.float64]:
         """Yoshikawa's measure √det(J Jᵀ) (...) of the flange; 0 at a singularity, about 0.06 at home."""

@@ -87,7 +87,6 @@ def fit_reach(demonstrations: Demonstrations) -> TrajectoryDistribution:
         list(demonstrations.joints),
         durations=demonstrations.durations.tolist(),
         names=JOINT_NAMES,
-        space="joint",
     )
 
 
