@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from punnet.cli.console import note, print_json, print_table, progress_bar, say
+from punnet.cli.evaluate_weight import register_weight
 from punnet.cli.options import Force, Json
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ def register(app: typer.Typer) -> None:
         "detector",
         epilog="Example: punnet evaluate detector --bundle colour --data strawdi/test --split test",
     )(detector)
+    register_weight(group)
     app.add_typer(group, name="evaluate")
 
 

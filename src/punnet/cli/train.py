@@ -16,6 +16,7 @@ import typer
 
 from punnet.cli.console import print_json, say, whisper
 from punnet.cli.options import Force, Json
+from punnet.cli.train_weight import register_weight
 from punnet.errors import ConfigurationError, FileFormatError
 
 if TYPE_CHECKING:
@@ -47,6 +48,7 @@ def register(app: typer.Typer) -> None:
     group.command(
         "bundle", epilog="Example: punnet train bundle runs/mine --out models/mine --licence CC-BY-4.0"
     )(bundle)
+    register_weight(group)
     app.add_typer(group, name="train")
 
 
@@ -116,7 +118,7 @@ def bundle(
     citation: Annotated[str, typer.Option("--citation", help="What is to be cited.")] = "",
     results: Annotated[
         list[str] | None,
-        typer.Option("--results", help="NAME=FILE.json of punnet evaluate detector; may be repeated."),
+        typer.Option("--results", help="NAME=FILE.json of punnet evaluate; may be repeated."),
     ] = None,
     command: Annotated[
         str | None,
@@ -127,8 +129,11 @@ def bundle(
     """Export a run's model as a bundle: ONNX and JSON, checksums, how it was made."""
     need_pytorch()
     from punnet.train.detector.bundling import Terms, bundle_run
+    from punnet.train.weight.bundling import bundle_weight_run
+    from punnet.train.weight.training import is_weight_run
 
-    manifest = bundle_run(
+    weighs = is_weight_run(run)
+    manifest = (bundle_weight_run if weighs else bundle_run)(
         run,
         out,
         name=name or out.name,
@@ -138,7 +143,8 @@ def bundle(
         force=force,
     )
     size = sum(file.stat().st_size for file in out.iterdir()) / 1e6
-    say(f"wrote {out} ({manifest.name}, {size:.1f} MB); use it with: punnet detect PHOTO --detector {out}")
+    use = f"punnet weigh --estimator {out}" if weighs else f"punnet detect PHOTO --detector {out}"
+    say(f"wrote {out} ({manifest.name}, {size:.1f} MB); use it with: {use}")
 
 
 def read_source(text: str) -> Source:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -23,10 +22,8 @@ __all__ = [
     "NOT_FOUND",
     "MissedBerry",
     "WeightSamples",
-    "WeightSplit",
     "collect_samples",
     "join_samples",
-    "split_groups",
 ]
 
 LEAST_OVERLAP = 0.5
@@ -118,15 +115,6 @@ class WeightSamples:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class WeightSplit:
-    """Three parts that share no plant."""
-
-    train: WeightSamples
-    validation: WeightSamples
-    test: WeightSamples
-
-
 def collect_samples(
     dataset: Dataset,
     *,
@@ -195,45 +183,6 @@ def join_samples(parts: Sequence[WeightSamples]) -> WeightSamples:
             for name in ("grams", "occlusion", "distance", "image", "annotation")
         },
     )
-
-
-def split_groups(
-    samples: WeightSamples, *, test: float = 0.2, validation: float = 0.1, seed: int = 0
-) -> WeightSplit:
-    """Part samples by plant.
-
-    Where a plant goes is told by its name and ``seed`` alone: it stays there whatever else is in the set, whichever
-    masks it is seen through, and however many of its berries were refused. Shares are met on average.
-
-    Raises
-    ------
-    ConfigurationError
-        If the shares leave nothing to train on, or a part is empty.
-    """
-    if not (test >= 0 and validation >= 0 and test + validation < 1):
-        raise ConfigurationError(
-            f"split: test and validation must be shares that leave some to train on, got {test}, {validation}"
-        )
-    bounds = {"test": (0.0, test), "validation": (test, test + validation), "train": (test + validation, 1.0)}
-    parts = {name: _between(samples, seed, *limits) for name, limits in bounds.items()}
-    if empty := [name for name, (low, high) in bounds.items() if high > low and not len(parts[name])]:
-        raise ConfigurationError(
-            f"split: {len(set(samples.groups))} plants are too few, nothing is left for {', '.join(empty)}; "
-            "give more images"
-        )
-    return WeightSplit(**parts)
-
-
-def _between(samples: WeightSamples, seed: int, low: float, high: float) -> WeightSamples:
-    """Samples and missed berries of the plants whose place is in [low, high)."""
-    chosen = [i for i, group in enumerate(samples.groups) if low <= _place(group, seed) < high]
-    missed = tuple(berry for berry in samples.missed if low <= _place(berry.group, seed) < high)
-    return replace(samples.subset(chosen), missed=missed)
-
-
-def _place(group: str, seed: int) -> float:
-    """A number in [0, 1), even over groups."""
-    return int.from_bytes(hashlib.sha256(f"{seed}:{group}".encode()).digest()[:8], "big") / 2.0**64
 
 
 def _group(image: AnnotatedImage) -> str:

@@ -56,7 +56,7 @@ def bundle_weight_run(
             f"punnet evaluate weight --run {run}"
         )
     settings = trained.settings
-    data = "".join(f" --data {source}" for source in settings["data"])
+    data = "".join(f" --{kind} {source}" for kind in ("data", "extra") for source in settings[kind])
     return write_bundle(
         folder,
         name=name,

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from punnet.errors import ConfigurationError
 from punnet.train.weight.calibration import conformal_quantiles, predict_out_of_fold
@@ -87,10 +86,10 @@ def fit(
     folder: Path,
     name: str,
 ) -> FeatureModel:
-    """Grow a forest on grams."""
+    """Grow a forest on grams: settings by validation, then on both parts; one relative interval for all berries."""
     features, target = feature_matrix(train.observations, config.groups), train.grams
     shown = feature_matrix(validation.observations, config.groups)
-    best, choice, forest = np.inf, (0, 0.0), None
+    best, choice = np.inf, (0, 0.0)
     for leaf, share in product(config.least_leaf, config.feature_share):
         grown = _forest(config, leaf, share, seed).fit(features, target)
         error = weight_errors(validation.grams, grown.predict(shown)).mean_percentage
@@ -98,15 +97,14 @@ def fit(
             f"{name}: leaves of {leaf}, {100 * share:.0f}% of the features: {error:.2f}% off on validation"
         )
         if error < best:
-            best, choice, forest = error, (leaf, share), grown
-    assert forest is not None
-    left_out = predict_out_of_fold(
-        partial(_forest, config, *choice, seed), features, target, train.groups, folds=config.folds, seed=seed
-    )
-    residuals = np.concatenate(
-        [_log_ratio(target, left_out), _log_ratio(validation.grams, forest.predict(shown))]
-    )
+            best, choice = error, (leaf, share)
+    everything, groups = np.concatenate([features, shown]), (*train.groups, *validation.groups)
+    target = np.concatenate([target, validation.grams])
+    grow = partial(_forest, config, *choice, seed)
+    left_out = predict_out_of_fold(grow, everything, target, groups, folds=config.folds, seed=seed)
+    residuals = np.log(target / left_out)
     interval = conformal_quantiles(residuals, np.ones(len(residuals)), COVERAGE)
+    forest = grow().fit(everything, target)
     graph = weight_graph(trees_of_forest(forest), None, features=features.shape[1], base=None)
     chosen = {
         "least_leaf": choice[0],
@@ -114,8 +112,7 @@ def fit(
         "trees": config.trees,
         "validation_mape": best,
     }
-    settings = WeightSettings(name, config.groups, interval)
-    return FeatureModel(graph, settings, chosen)
+    return FeatureModel(graph, WeightSettings(name, config.groups, interval), chosen)
 
 
 def _forest(config: ForestConfig, leaf: int, share: float, seed: int) -> RandomForestRegressor:
@@ -124,10 +121,6 @@ def _forest(config: ForestConfig, leaf: int, share: float, seed: int) -> RandomF
     return RandomForestRegressor(
         n_estimators=config.trees, min_samples_leaf=leaf, max_features=share, random_state=seed, n_jobs=1
     )
-
-
-def _log_ratio(true: NDArray[np.float64], predicted: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(np.log(true / predicted))
 
 
 FOREST = ModelSpec(

@@ -65,7 +65,9 @@ class Fit(Protocol):
         progress: Tell,
         folder: Path,
     ) -> FittedWeightModel:
-        """Train on ``train``; ``validation`` decides when to stop and which settings are kept, never what is learnt.
+        """Train on ``train``; ``validation`` decides when to stop and which settings are kept.
+
+        Once that is decided, a model may learn from both. What is set aside for tests is in neither.
 
         ``folder`` exists and is the model's own: checkpoints go there, and what an earlier run that was stopped left
         there is gone on with. ``progress`` is told how it goes.

@@ -67,12 +67,12 @@ class ShapeConfig:
     members: int = 3
     trees: int = 600
     learning_rate: float = 0.03
-    leaves: tuple[int, ...] = (12, 20, 31)
-    least_leaf: int = 20
+    leaves: tuple[int, ...] = (16, 31, 48)
+    least_leaf: int = 15
     feature_share: float = 0.25
     spread_trees: int = 120
     spread_leaves: int = 6
-    folds: int = 5
+    folds: int = 8
 
     def __post_init__(self) -> None:
         counts = (self.members, self.trees, self.least_leaf, self.spread_trees, *self.leaves)
@@ -93,7 +93,7 @@ def fit(
     progress: Tell,
     folder: Path,
 ) -> FeatureModel:
-    """Grow both sets of trees."""
+    """Grow both sets of trees: settings by validation, then on both parts, intervals by plants left out in turn."""
     column = feature_names(config.groups).index(_BASE)
     features = feature_matrix(train.observations, config.groups)
     shown = feature_matrix(validation.observations, config.groups)
@@ -101,27 +101,29 @@ def fit(
         _log_ratio(train.grams, features[:, column]),
         _log_ratio(validation.grams, shown[:, column]),
     )
-    best, leaves, trees = np.inf, 0, None
+    best, leaves = np.inf, 0
     for most in config.leaves:
         grown = _trees(config, most, seed).fit(features, target)
         told = np.exp(grown.predict(shown)) * shown[:, column]
         error = weight_errors(validation.grams, told).mean_percentage
         progress(f"shape: trees of {most} leaves: {error:.2f}% off on validation")
         if error < best:
-            best, leaves, trees = error, most, grown
-    assert trees is not None
+            best, leaves = error, most
     progress(f"shape: residuals of {config.folds} parts left out in turn")
-    left_out = predict_out_of_fold(
-        partial(_trees, config, leaves, seed), features, target, train.groups, folds=config.folds, seed=seed
-    )
-    residuals = np.concatenate([target - left_out, wanted - trees.predict(shown)])
     everything, groups = np.concatenate([features, shown]), (*train.groups, *validation.groups)
+    wanted = np.concatenate([target, wanted])
+    left_out = predict_out_of_fold(
+        partial(_trees, config, leaves, seed), everything, wanted, groups, folds=config.folds, seed=seed
+    )
+    residuals = wanted - left_out
     size = np.log(np.abs(residuals) + _LEAST_RESIDUAL)
     # Quantiles are taken over what was expected of a berry by trees that had not seen its residual.
     expected = predict_out_of_fold(
         partial(_spread_trees, config, seed), everything, size, groups, folds=config.folds, seed=seed
     )
     interval = conformal_quantiles(residuals, np.exp(expected), COVERAGE)
+    progress("shape: trees on all that is not set aside for the test")
+    trees = _trees(config, leaves, seed).fit(everything, wanted)
     spread = _spread_trees(config, seed).fit(everything, size)
     graph = weight_graph(
         trees_of_boosting(trees.members), trees_of_boosting([spread]), features=features.shape[1], base=column
@@ -189,5 +191,5 @@ SHAPE = ModelSpec(
     config=ShapeConfig,
     fit=fit,
     load=FeatureModel.load,
-    quick={"members": 1, "trees": 300, "learning_rate": 0.05, "leaves": (16,)},
+    quick={"members": 1, "trees": 300, "learning_rate": 0.05, "leaves": (31,), "folds": 4},
 )

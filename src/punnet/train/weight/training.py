@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,16 +15,15 @@ from punnet.outputs import write_text
 from punnet.train.detector.config import config_from_json, config_to_json
 from punnet.train.weight.registry import FittedWeightModel, ModelSpec, Tell, model_spec
 from punnet.weight.evaluation import evaluate_weights, weigh_samples
-from punnet.weight.samples import WeightSamples, WeightSplit, collect_samples, join_samples, split_groups
+from punnet.weight.sample_split import TEST_SHARE, VALIDATION_SHARE, WeightSplit, split_groups
+from punnet.weight.samples import WeightSamples, collect_samples, join_samples
 
 __all__ = [
-    "PARTS",
     "RUN_FILE",
     "WeightRun",
     "collect_all",
     "is_weight_run",
     "load_run",
-    "part_of",
     "read_config",
     "train_weight_model",
 ]
@@ -33,12 +32,6 @@ RUN_FILE = "run.json"
 RESULTS_FILE = "results.json"
 MODEL_FOLDER, WORK_FOLDER = "model", "work"
 SCHEMA = "punnet-weight-run/1"
-
-PARTS = ("test", "validation", "train", "all")
-"""Of a data set: the plants that every training sets aside, those that choose settings, those that are learnt from."""
-
-TEST_SHARE, VALIDATION_SHARE, SPLIT_SEED = 0.2, 0.1, 0
-"""The same for every run, so that no model is ever tested on a plant that another has learnt from."""
 
 
 @dataclass(frozen=True)
@@ -82,24 +75,6 @@ def collect_all(
     return join_samples([collect_samples(dataset, progress=advance) for dataset in datasets])
 
 
-def part_of(samples: WeightSamples, part: str) -> WeightSamples:
-    """One of :data:`PARTS`.
-
-    Raises
-    ------
-    ConfigurationError
-        If there is no such part, or nothing in it.
-    """
-    if part not in PARTS:
-        raise ConfigurationError(f"no part '{part}' of a data set; there are {', '.join(PARTS)}")
-    return samples if part == "all" else getattr(split(samples), part)
-
-
-def split(samples: WeightSamples) -> WeightSplit:
-    """The parts that every training makes of its samples."""
-    return split_groups(samples, test=TEST_SHARE, validation=VALIDATION_SHARE, seed=SPLIT_SEED)
-
-
 def read_config(spec: ModelSpec, changes: Mapping[str, Any]) -> Any:
     """The model's settings with some changed.
 
@@ -120,6 +95,8 @@ def train_weight_model(
     folder: Path,
     seed: int,
     progress: Tell,
+    extra: WeightSamples | None = None,
+    extra_data: Sequence[str] = (),
 ) -> WeightRun:
     """Train, or go on with a run that was stopped; a finished run of the same settings is given as it is.
 
@@ -137,14 +114,22 @@ def train_weight_model(
         Of everything random.
     progress
         Told how it goes.
+    extra, extra_data
+        Other plants, all learnt from, and names of their sets.
 
     Raises
     ------
+    ConfigurationError
+        If a plant of ``extra`` is in ``samples`` too.
     OutputExistsError
         If the folder holds something else, or a run with other settings.
     """
-    parts = split(samples)
-    settings = _settings(spec, config, parts, data, seed)
+    parts = split_groups(samples)
+    if extra is not None:
+        if both := sorted(set(samples.groups) & set(extra.groups)):
+            raise ConfigurationError(f"the plant {both[0]} is in the data and in what is learnt from besides")
+        parts = replace(parts, train=join_samples([parts.train, extra]))
+    settings = _settings(spec, config, parts, seed) | {"data": list(data), "extra": list(extra_data)}
     _claim(folder, settings)
     if (folder / RESULTS_FILE).is_file():
         progress(f"{folder}: {spec.name} is trained already, with these settings")
@@ -186,9 +171,7 @@ def is_weight_run(folder: Path) -> bool:
     return (folder / RUN_FILE).is_file()
 
 
-def _settings(
-    spec: ModelSpec, config: Any, parts: WeightSplit, data: Sequence[str], seed: int
-) -> dict[str, Any]:
+def _settings(spec: ModelSpec, config: Any, parts: WeightSplit, seed: int) -> dict[str, Any]:
     named = (("train", parts.train), ("validation", parts.validation), ("test", parts.test))
     return {
         "schema": SCHEMA,
@@ -196,8 +179,7 @@ def _settings(
         "model": spec.name,
         "config": config_to_json(config),
         "seed": seed,
-        "data": list(data),
-        "split": {"test": TEST_SHARE, "validation": VALIDATION_SHARE, "seed": SPLIT_SEED},
+        "split": {"test": TEST_SHARE, "validation": VALIDATION_SHARE},
         "berries": {name: len(part) for name, part in named},
         "plants": {name: len(set(part.groups)) for name, part in named},
         "refused": {name: len(part.missed) for name, part in named},

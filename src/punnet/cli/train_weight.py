@@ -1,0 +1,140 @@
+"""``punnet train weight``: from images of weighed berries to a model that weighs by eye."""
+
+from __future__ import annotations
+
+import json
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from punnet.cli.console import counted_progress, note, print_json, say, whisper
+from punnet.cli.options import Json, Seed
+from punnet.errors import ConfigurationError, FileFormatError
+
+if TYPE_CHECKING:
+    from punnet.weight.samples import WeightSamples
+
+__all__ = ["collect", "need_training", "register_weight"]
+
+
+def register_weight(group: typer.Typer) -> None:
+    """Add the command to the group ``train``."""
+    group.command(
+        "weight", epilog="Example: punnet train weight --model shape --data dataset-1 --out runs/shape"
+    )(weight)
+
+
+def weight(
+    model: Annotated[
+        str,
+        typer.Option(
+            "--model",
+            "-m",
+            help="forest, forest_pca, shape, efficientnet_b0, efficientnet_b7, pointnet, pointnet2, pointconv, "
+            "gcn, hgnn or dgcnn.",
+            show_default=False,
+        ),
+    ],
+    data: Annotated[
+        list[str],
+        typer.Option(
+            "--data",
+            help="Images with depth, camera, masks and weights; a fifth of its plants is set aside for tests, a tenth "
+            "for validation. May be given more than once.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the run; a stopped run goes on.")],
+    extra: Annotated[
+        list[str] | None,
+        typer.Option("--extra", help="Images of other plants, all learnt from. May be given more than once."),
+    ] = None,
+    seed: Seed = 0,
+    config: Annotated[
+        Path | None,
+        typer.Option(
+            "--config", help='JSON with settings in place of the model\'s own, e.g. {"trees": 100}.'
+        ),
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="The settings of a short training, to try things out.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Train a weight model and measure it on plants that it has not seen."""
+    need_training()
+    from punnet.train.weight.registry import model_spec
+    from punnet.train.weight.training import read_config, train_weight_model
+
+    spec = model_spec(model)
+    changes = (dict(spec.quick) if quick else {}) | ({} if config is None else _read_settings(config))
+    settings = read_config(spec, changes)
+    samples = collect(data)
+    run = train_weight_model(
+        spec,
+        settings,
+        samples,
+        data=[Path(source).name for source in data],
+        folder=out,
+        seed=seed,
+        progress=whisper,
+        extra=collect(extra) if extra else None,
+        extra_data=[Path(source).name for source in extra or []],
+    )
+    if as_json:
+        print_json({"run": str(out), **run.results})
+    else:
+        whole = run.results["test"]["parts"]["all"]
+        say(
+            f"trained {out}: on {run.settings['berries']['test']} berries of unseen plants {whole['mape']:.1f}% off, "
+            f"{whole['pcw']['0.20']:.1f}% within 20%; more with: punnet evaluate weight --run {out} --data {data[0]}"
+        )
+    if samples.skipped:
+        raise typer.Exit(1)
+
+
+def collect(paths: list[str]) -> WeightSamples:
+    """Berries of known weight of some data sets; what can't be read is said and left out."""
+    from punnet.data.formats import read_dataset
+    from punnet.train.weight.training import collect_all
+
+    datasets = [read_dataset(path) for path in paths]
+    with counted_progress("looking at berries") as progress:
+        samples = collect_all(datasets, progress)
+    for line in samples.skipped:
+        note(f"left out: {line}")
+    if not len(samples):
+        raise FileFormatError(
+            f"{', '.join(paths)}: no ripe berry with a weight, mask, depth and camera in it; punnet data simulate "
+            "--protocol dataset-1 makes some"
+        )
+    for reason, count in samples.refused.items():
+        whisper(f"{count} berries can't be weighed: {reason}")
+    return samples
+
+
+def need_training() -> None:
+    """Say how to install what training takes if it is missing.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is.
+    """
+    if missing := [name for name in ("torch", "sklearn", "onnx") if find_spec(name) is None]:
+        raise ConfigurationError(
+            f"training needs {', '.join(missing)}: {sys.executable} -m pip install 'punnet[train]'"
+        )
+
+
+def _read_settings(path: Path) -> dict[str, Any]:
+    try:
+        settings = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise FileFormatError(f"{path}: not readable as JSON ({error})") from error
+    if not isinstance(settings, dict):
+        raise FileFormatError(f"{path}: a JSON object of settings is needed")
+    return settings
