@@ -3,7 +3,7 @@ import pytest
 
 from punnet.errors import ConfigurationError, ShapeError
 from punnet.robot import HOME, Panda
-from punnet.sim.demonstrations import WORKSPACE, Demonstrations, simulate_demonstrations
+from punnet.sim.demonstrations import WORKSPACE, Demonstrations, reach_to, simulate_demonstrations
 
 ARM = Panda()
 
@@ -63,12 +63,20 @@ def test_same_seed_same_reaches_other_seed_others() -> None:
     assert not np.allclose(first.joints, other.joints)
 
 
-def test_selection_and_json(demonstrations: Demonstrations) -> None:
+def test_selection(demonstrations: Demonstrations) -> None:
     chosen = demonstrations.select(demonstrations.configuration == 2)
     assert len(chosen) == 5
-    data = chosen.to_json()
-    assert data["schema"] == "punnet-demonstrations/1"
-    np.testing.assert_allclose(data["joints"], chosen.joints, atol=1e-6)
+    np.testing.assert_array_equal(chosen.joints, demonstrations.joints[10:15])
+
+
+def test_reaches_to_given_points() -> None:
+    points = np.array([[0.74, 0.05, 0.7], [0.76, -0.1, 0.75]])
+    reaches = reach_to(np.random.default_rng(0), points, repeats=2, samples=40)
+    np.testing.assert_array_equal(reaches.targets, np.repeat(points, 2, axis=0))
+    with pytest.raises(ConfigurationError, match="no comfortable reach"):
+        reach_to(np.random.default_rng(0), [[2.0, 0.0, 0.7]], repeats=1, samples=5)
+    with pytest.raises(ShapeError, match=r"\(C, 3\)"):
+        reach_to(np.random.default_rng(0), [0.7, 0.0, 0.7])
 
 
 def test_refusals(demonstrations: Demonstrations) -> None:

@@ -27,6 +27,7 @@ SMALLEST_JUMP = {"joint": 0.05, "task": 0.02}
 """Radians and metres below which a step is none, however sudden."""
 
 _NEIGHBOURS = 11
+_FAST = 0.85  # quantile of the speeds that tells how fast a movement is, a few jumps or none
 _GAP_FACTOR, _SHORTEST_GAP = 5.0, 0.1  # of the usual step; seconds
 _AT_REST = 1e-3  # radians, metres
 _LIMIT_TOLERANCE = 1e-4  # radians
@@ -92,8 +93,8 @@ def find_jumps(trajectory: Trajectory) -> NDArray[np.int64]:
         return np.zeros(0, dtype=np.int64)
     steps = np.diff(values, axis=0)
     speeds = steps / np.diff(trajectory.times)[:, None]
-    usual = np.asarray(median_filter(speeds, size=(_NEIGHBOURS, 1), mode="nearest"))
-    fast = np.maximum(np.quantile(np.abs(speeds), 0.95, axis=0), np.abs(usual))
+    usual = np.asarray(median_filter(speeds, size=(_NEIGHBOURS, 1), mode="mirror"))
+    fast = np.maximum(np.quantile(np.abs(speeds), _FAST, axis=0), np.abs(usual))
     sudden = np.abs(speeds - usual) > JUMP_FACTOR * fast
     large = np.abs(steps) > SMALLEST_JUMP[trajectory.space]
     return np.asarray(np.flatnonzero((sudden & large).any(axis=1)) + 1)

@@ -75,7 +75,8 @@ def _colours(demonstrations: DemonstrationSet) -> dict[str, Any]:
     from matplotlib import colormaps
 
     names = list(demonstrations.targets)
-    return {name: colormaps["turbo"]((k + 0.5) / len(names)) for k, name in enumerate(names)}
+    # Steps of the golden ratio: neighbours on a plant, which follow each other, differ.
+    return {name: colormaps["turbo"]((0.3 + 0.618 * k) % 1.0) for k, name in enumerate(names)}
 
 
 def _drawn(demonstrations: DemonstrationSet) -> list[Episode]:

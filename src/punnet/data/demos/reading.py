@@ -37,6 +37,7 @@ class Reading:
     episodes: list[Episode] = field(default_factory=list)
     left_out: list[DemoFault] = field(default_factory=list)
     info: dict[str, Any] = field(default_factory=dict)
+    _ids: set[str] = field(default_factory=set, repr=False)
 
     @contextmanager
     def episode(self, name: str, file: Path | None = None) -> Iterator[None]:
@@ -57,8 +58,9 @@ class Reading:
         EpisodeRefused
             If there is.
         """
-        if any(episode.id == other.id for other in self.episodes):
+        if episode.id in self._ids:
             raise EpisodeRefused([("duplicate-id", "another episode has this id; give each its own")])
+        self._ids.add(episode.id)
         self.episodes.append(episode)
 
     def demonstrations(self) -> DemonstrationSet:
