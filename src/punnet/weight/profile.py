@@ -11,21 +11,28 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
 from punnet.scene import KEYPOINTS
 from punnet.weight.observation import BerryObservation
 
-__all__ = ["STATIONS", "BerryProfile", "BerryRelief", "measure_profile", "measure_relief"]
+__all__ = ["STATIONS", "SURFACE_TERMS", "BerryProfile", "BerryRelief", "measure_profile", "measure_relief"]
 
 STATIONS = 9
 """Places along the axis at which the width is taken: the middles of as many equal parts."""
+SURFACE_TERMS = (
+    *((0, 0), (1, 0), (2, 0), (3, 0), (0, 1), (1, 1), (2, 1)),
+    *((0, 2), (1, 2), (2, 2), (0, 3), (1, 3), (0, 4), (1, 4)),
+)
+"""Orders (along, across) of the polynomials that a cloud is described by; the first, a constant, is not told."""
 
 _TOP, _BOTTOM = KEYPOINTS.index("top"), KEYPOINTS.index("bottom")
 _GRASPS = [KEYPOINTS.index("left_grasp"), KEYPOINTS.index("right_grasp")]
 _GRASP_INSET = 0.92
 """Grasp points lie this far on the way from the axis to the outline."""
 _SHORTEST_AXIS = 0.003
+_NARROWEST = 1e-4
 _SURFACE_STATIONS = 33
 
 
@@ -133,6 +140,10 @@ class BerryRelief:
         The same with the axis free to bend towards the camera.
     noise
         Standard error of ``aspect`` by the depth's noise at that distance.
+    believed
+        Logarithm of ``aspect``, as far as it tells of the volume and is not noise.
+    distance
+        Metres along the line of sight to the body's middle, its front bulging as believed.
     tilt
         Metres that the axis goes away from the camera for each metre along it.
     residual
@@ -141,23 +152,34 @@ class BerryRelief:
         Curvature of the surface across and along the axis, times the width and the length.
     covered_from, covered_to
         Part of the axis, 0 the top, 1 the bottom, along which there are points.
+    surface
+        Depth over width as Legendre polynomials :data:`SURFACE_TERMS` of the place along (−1 top … 1 bottom) and across
+        (−1 … 1 from side to side of the completed outline), smoothed.
     """
 
     aspect: float
     curved_aspect: float
     noise: float
+    believed: float
+    distance: float
     tilt: float
     residual: float
     across: float
     along: float
     covered_from: float
     covered_to: float
+    surface: tuple[float, ...]
 
 
 _DISPARITY_NOISE = 0.08 / (385.0 * 0.050)
 """Relative standard deviation of depth for each metre of it, of the D435i (see the simulator's depth sensor)."""
 _PIXELS_A_PATCH = 90.0
 """Pixels over which stereo errs alike: noise averages out over patches, not over pixels."""
+_ASPECT_SPREAD, _ASPECT_GAIN = 0.15, 0.45
+"""Spread of ln aspect over berries that are seen without noise, and how much of it is in their volume; the rest are
+lobes of the front that the back need not have (3,500 berries of the simulator, random views)."""
+_STIFFNESS = 1e-4
+_ASPECT_LIMITS = (0.5, 2.0)
 
 
 def measure_relief(berry: BerryObservation, profile: BerryProfile) -> BerryRelief:
@@ -174,28 +196,57 @@ def measure_relief(berry: BerryObservation, profile: BerryProfile) -> BerryRelie
     grid = begin + length * np.linspace(0.0, 1.0, _SURFACE_STATIONS)
     low, high = chords(profile.completed, grid)
     middle = np.interp(along, grid, (low + high) / 2.0)
-    half = np.interp(along, grid, (high - low) / 2.0)
+    half = np.maximum(np.interp(along, grid, (high - low) / 2.0), _NARROWEST)
     dome = np.sqrt(np.clip(half**2 - (across - middle) ** 2, 0.0, None))
     x, y = (across - across.mean()) / width, (along - along.mean()) / length
     one, rise = np.ones_like(x), dome / width
     straight, residual = _least_squares(np.column_stack((one, y, x, -rise)), depth)
     bent, _ = _least_squares(np.column_stack((one, y, x, -rise, y * y)), depth)
     paraboloid, _ = _least_squares(np.column_stack((one, y, x, x * x, y * y, x * y)), depth)
-    distance = float(np.median(turned[:, 2]))
     patches = max(1.0, len(depth) / _PIXELS_A_PATCH)
-    noise = _DISPARITY_NOISE * distance**2 / math.sqrt(patches) / max(float(dome.std()), 1e-4)
+    deviation = _DISPARITY_NOISE * float(turned[:, 2].mean()) ** 2 / math.sqrt(patches)
+    noise = deviation / max(float(dome.std()), 1e-4)
+    aspect = float(straight[3]) / width
+    believed = _believed(aspect, noise)
+    # With the bulge held at what is believed, the plane through the middle follows.
+    lifted = depth + math.exp(believed) * dome
+    plane, _ = _least_squares(np.column_stack((one, y, x)), lifted)
+    centre = np.array((begin + length / 2.0, 0.0)) - (along.mean(), across.mean())
+    middle_depth = plane[0] + plane[1] * centre[0] / length + plane[2] * centre[1] / width
     reach = np.clip((np.array((along.min(), along.max())) - begin) / length, 0.0, 1.0)
     return BerryRelief(
-        aspect=float(straight[3]) / width,
+        aspect=aspect,
         curved_aspect=float(bent[3]) / width,
         noise=noise,
+        believed=believed,
+        distance=float(turned[:, 2].mean() + middle_depth),
         tilt=float(straight[1]) / length,
         residual=residual,
         across=float(paraboloid[3]) / width,
         along=float(paraboloid[4]) / length,
         covered_from=float(reach[0]),
         covered_to=float(reach[1]),
+        surface=_surface(2.0 * (along - begin) / length - 1.0, (across - middle) / half, depth / width),
     )
+
+
+def _surface(
+    along: NDArray[np.float64], across: NDArray[np.float64], depth: NDArray[np.float64]
+) -> tuple[float, ...]:
+    orders = np.array(SURFACE_TERMS)
+    design = legvander(along, 3)[:, orders[:, 0]] * legvander(np.clip(across, -1.0, 1.0), 4)[:, orders[:, 1]]
+    normal = design.T @ design
+    # The higher the order, the more it takes to bend the surface where points are few or noisy.
+    normal[np.diag_indices_from(normal)] += len(depth) * (1e-6 + _STIFFNESS * orders.max(axis=1) ** 2)
+    solution = np.linalg.solve(normal, design.T @ (depth - depth.mean()))
+    return tuple(float(value) for value in solution[1:])
+
+
+def _believed(aspect: float, noise: float) -> float:
+    """Ln aspect, as far as it tells of the volume and is not noise."""
+    low, high = _ASPECT_LIMITS
+    share = _ASPECT_GAIN * _ASPECT_SPREAD**2 / (_ASPECT_SPREAD**2 + noise**2)
+    return share * math.log(min(max(aspect, low), high))
 
 
 def _least_squares(

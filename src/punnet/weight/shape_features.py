@@ -12,16 +12,26 @@ import numpy as np
 from punnet.scene import KEYPOINTS, Visibility
 from punnet.weight.ellipsoid import EllipsoidEstimator
 from punnet.weight.observation import BerryObservation
-from punnet.weight.profile import STATIONS, BerryProfile, BerryRelief, chords, measure_profile, measure_relief
+from punnet.weight.profile import (
+    STATIONS,
+    SURFACE_TERMS,
+    BerryProfile,
+    BerryRelief,
+    chords,
+    measure_profile,
+    measure_relief,
+)
 
 __all__ = ["SHAPE_FEATURES", "shape_features"]
 
 _MILLILITRES = 1e6
 _ELLIPSOID = EllipsoidEstimator()
 _SEEN_FROM = ("top", "bottom", "left_grasp", "right_grasp")
-_THICKNESS_SPREAD = 0.09
-"""Relative standard deviation of a berry's thickness, its width known: what a measured bulge must beat."""
-_ASPECT_LIMITS = (0.5, 2.0)
+
+
+def _surface_name(along: int, across: int) -> str:
+    return f"surface_{along}_{across}"
+
 
 SHAPE_FEATURES: dict[str, dict[str, str]] = {
     "metric": {
@@ -36,8 +46,9 @@ SHAPE_FEATURES: dict[str, dict[str, str]] = {
         "revolution_ml": "volume of the completed outline turned about its axis, chord by chord",
         "seen_revolution_ml": "the same of the outline of what shows",
         "mirrored_ml": "the same with each half chord as long as the longer: the better half stands for both",
-        "relief_ml": "revolution_ml times the aspect that the cloud tells, as far as noise lets it be believed",
+        "relief_ml": "revolution_ml with the aspect and distance that the cloud tells, as far as noise lets them count",
         "distance_m": "from the camera to the berry's middle",
+        "distance_change": "by which the bulge corrects the distance, over it",
         "pixels_log": "logarithm of the mask's pixels",
         "points_log": "logarithm of the cloud's points",
     },
@@ -62,6 +73,12 @@ SHAPE_FEATURES: dict[str, dict[str, str]] = {
         "curvature_across": "of the cloud across the axis, times width",
         "curvature_along": "of the cloud along the axis, times length",
         "dome": "bulge over the outline's ellipse of equal moments, over width_m",
+        **{
+            _surface_name(
+                along, across
+            ): f"depth over width_m, Legendre orders {along} along and {across} across"
+            for along, across in SURFACE_TERMS[1:]
+        },
     },
     "occlusion": {
         "hidden": "share of the outline at which something nearer begins",
@@ -127,8 +144,9 @@ def _metric(berry: BerryObservation, profile: BerryProfile, relief: BerryRelief)
         "revolution_ml": revolution,
         "seen_revolution_ml": turned * float(np.mean((seen_high - seen_low) ** 2)) / 4.0,
         "mirrored_ml": turned * float(np.mean(longer**2)),
-        "relief_ml": revolution * math.exp(0.8 * _believed(relief)),
+        "relief_ml": revolution * math.exp(relief.believed) * (relief.distance / berry.scale) ** 3,
         "distance_m": berry.distance,
+        "distance_change": relief.distance / berry.scale - 1.0,
         "pixels_log": math.log(pixels),
         "points_log": math.log(len(berry.cloud)),
     }
@@ -151,13 +169,17 @@ def _relief(berry: BerryObservation, profile: BerryProfile, relief: BerryRelief)
     return {
         "aspect": relief.aspect,
         "curved_aspect": relief.curved_aspect,
-        "believed_aspect": _believed(relief),
+        "believed_aspect": relief.believed,
         "aspect_noise": relief.noise,
         "tilt": relief.tilt,
         "residual_m": relief.residual,
         "curvature_across": relief.across,
         "curvature_along": relief.along,
         "dome": _or(dome, 0.45 * relief.aspect),
+        **{
+            _surface_name(*orders): value
+            for orders, value in zip(SURFACE_TERMS[1:], relief.surface, strict=True)
+        },
     }
 
 
@@ -193,13 +215,6 @@ def _occlusion(
 
 def _stations(profile: BerryProfile) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     return profile.begin + profile.length * (np.arange(STATIONS) + 0.5) / STATIONS
-
-
-def _believed(relief: BerryRelief) -> float:
-    """Ln aspect times the share of its variance that is the berry's, not the depth's."""
-    low, high = _ASPECT_LIMITS
-    share = _THICKNESS_SPREAD**2 / (_THICKNESS_SPREAD**2 + relief.noise**2)
-    return share * math.log(min(max(relief.aspect, low), high))
 
 
 def _cut(berry: BerryObservation) -> float:
