@@ -1,4 +1,4 @@
-"""``punnet reproduce table-3-…``: a table of the thesis in Markdown, our figures beside its own."""
+"""``punnet reproduce``: tables and figures of the thesis, our numbers beside its own."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import typer
 
 from punnet.cli.console import note, print_json, progress_bar, say
 from punnet.cli.options import Json
+from punnet.cli.reproduce_weight import fig_4_12
 from punnet.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -26,12 +27,15 @@ DataSets = Annotated[
 
 def register(app: typer.Typer) -> None:
     """Add the group."""
-    group = typer.Typer(help="Tables of the thesis, ours beside its own.", no_args_is_help=True)
+    group = typer.Typer(help="Tables and figures of the thesis, ours beside its own.", no_args_is_help=True)
     group.command("table-3-1", epilog="Example: punnet reproduce table-3-1 --data sim=simulated/")(table_3_1)
     group.command("table-3-2", epilog="Example: punnet reproduce table-3-2 --data sim=simulated/")(table_3_2)
     group.command(
         "table-3-3", epilog="Example: punnet reproduce table-3-3 'colour, field=scores/evaluation.json'"
     )(table_3_3)
+    group.command("fig-4-12", epilog="Example: punnet reproduce fig-4-12 --data dataset-1 --out fig-4-12")(
+        fig_4_12
+    )
     app.add_typer(group, name="reproduce")
 
 

@@ -147,6 +147,8 @@ def train_weight_model(
         for name, part in (("validation", parts.validation), ("test", parts.test))
     }
     write_text(folder / RESULTS_FILE, _json(results), force=True)
+    if not any((folder / WORK_FOLDER).iterdir()):
+        (folder / WORK_FOLDER).rmdir()
     return load_run(folder)
 
 

@@ -1,0 +1,201 @@
+"""Figure 4.12 of the thesis: every weight model trained and measured alike, the thesis' figures beside ours."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from punnet.data.thesis_tables import BETWEEN_NUMBERS, NOTHING, MarkdownTable
+from punnet.errors import OutputExistsError, PunnetError
+from punnet.outputs import MARKER_FILE, write_text
+from punnet.train.weight.registry import MODELS, Tell, model_spec
+from punnet.train.weight.training import read_config, train_weight_model
+from punnet.weight.evaluation import WeightEvaluation, evaluate_weights, weigh_samples
+from punnet.weight.metrics import PCW_TOLERANCES
+from punnet.weight.sample_split import part_of
+from punnet.weight.samples import WeightSamples
+
+__all__ = ["Figure412", "FigureRow", "claim_folder", "reproduce_figure_4_12", "table_4_12", "write_figure"]
+
+JSON_FILE, TABLE_FILE, CHART_FILE = "fig-4-12.json", "fig-4-12.md", "fig-4-12.png"
+MODELS_FOLDER = "models"
+TRUTH = "truth"
+
+
+@dataclass(frozen=True)
+class FigureRow:
+    """One model of the figure.
+
+    Parameters
+    ----------
+    name, title
+        In the registry, or of a bundle; and as the figure prints it.
+    evaluations
+        By whose masks were weighed: ``truth``, or a detector's name.
+    thesis
+        Percentage of correct weights by tolerance, as far as the thesis gives it.
+    seconds
+        What training took in this run; NaN for what was trained before.
+    """
+
+    name: str
+    title: str
+    evaluations: Mapping[str, WeightEvaluation]
+    thesis: Mapping[float, float]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Figure412:
+    """The whole figure.
+
+    Parameters
+    ----------
+    rows
+        Models in the order of the thesis, ours last.
+    failed
+        Why models are missing, by name.
+    settings
+        What it was made with.
+    """
+
+    rows: tuple[FigureRow, ...]
+    failed: Mapping[str, str]
+    settings: Mapping[str, Any]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON."""
+        return {
+            "settings": dict(self.settings),
+            "failed": dict(self.failed),
+            "rows": [
+                {
+                    "name": row.name,
+                    "title": row.title,
+                    "seconds": None if math.isnan(row.seconds) else round(row.seconds, 1),
+                    "thesis": {f"{tolerance:.2f}": value for tolerance, value in row.thesis.items()},
+                    "evaluations": {masks: found.to_json() for masks, found in row.evaluations.items()},
+                }
+                for row in self.rows
+            ],
+        }
+
+
+def claim_folder(folder: Path) -> None:
+    """Make the figure's folder, or find that it is one.
+
+    Raises
+    ------
+    OutputExistsError
+        If it holds something else.
+    """
+    marker = folder / MARKER_FILE
+    if folder.exists() and not marker.is_file() and (not folder.is_dir() or any(folder.iterdir())):
+        raise OutputExistsError(f"{folder}: exists and holds no figure 4.12; give another folder")
+    if not marker.is_file():
+        write_text(marker, json.dumps({"made_by": "punnet", "figure": "4.12"}) + "\n")
+
+
+def reproduce_figure_4_12(
+    samples: Mapping[str, WeightSamples],
+    *,
+    data: str,
+    folder: Path,
+    seed: int,
+    quick: Sequence[str] = (),
+    models: Sequence[str] = tuple(MODELS),
+    bundles: Mapping[str, Any] | None = None,
+    progress: Tell,
+    clock: Callable[[], float],
+) -> Figure412:
+    """Train what is not trained yet, and measure everything on the plants that were set aside.
+
+    Parameters
+    ----------
+    samples
+        The data set by whose masks it is seen: ``truth`` (what is learnt from), and detectors' names.
+    data
+        Its name.
+    folder
+        Runs go to ``models/`` in it; finished ones with the same settings are not trained again.
+    seed
+        Of everything random.
+    quick
+        Models that are trained with their short settings.
+    models
+        Names of the registry.
+    bundles
+        Estimators to show besides, by title.
+    progress
+        Told how it goes.
+    clock
+        Seconds, for how long training takes.
+    """
+    rows, failed = [], {}
+    tests = {masks: part_of(seen, "test") for masks, seen in samples.items()}
+
+    def row(name: str, title: str, weigher: Any, thesis: Mapping[float, float], seconds: float) -> FigureRow:
+        evaluations = {
+            masks: evaluate_weights(
+                test, weigh_samples(weigher, test), estimator=name, data=f"{data}, test", masks=masks
+            )
+            for masks, test in tests.items()
+        }
+        return FigureRow(name, title, evaluations, thesis, seconds)
+
+    for name in models:
+        try:
+            spec = model_spec(name)
+            short = bool(spec.quick) and name in quick
+            config = read_config(spec, spec.quick if short else {})
+            begun = clock()
+            run = train_weight_model(
+                spec,
+                config,
+                samples[TRUTH],
+                data=[data],
+                folder=folder / MODELS_FOLDER / name,
+                seed=seed,
+                progress=progress,
+            )
+            title = f"{spec.title}, short training" if short else spec.title
+            rows.append(row(name, title, run.model(), spec.thesis, clock() - begun))
+        except PunnetError as error:
+            failed[name] = str(error)
+            progress(f"{name} left out: {error}")
+    for title, estimator in (bundles or {}).items():
+        rows.append(row(estimator.name, title, estimator, {}, math.nan))
+    settings = {"data": data, "seed": seed, "models": list(models), "quick": list(quick)}
+    return Figure412(tuple(rows), failed, settings)
+
+
+def table_4_12(figure: Figure412) -> MarkdownTable:
+    """Percentage of correct weights by tolerance, ours / the thesis', and the error, of all masks."""
+    masks = list(figure.rows[0].evaluations) if figure.rows else []
+    columns = ("model", *(f"PCW@{tolerance:.2f}" for tolerance in PCW_TOLERANCES), "MAPE")
+    columns += tuple(f"PCW@0.20, masks of {name}" for name in masks if name != TRUTH)
+    rows = []
+    for row in figure.rows:
+        truth = row.evaluations[TRUTH].whole
+        cells = [_beside(truth.pcw[tolerance], row.thesis.get(tolerance)) for tolerance in PCW_TOLERANCES]
+        cells.append(f"{truth.errors.mean_percentage:.1f}%")
+        cells += [f"{row.evaluations[name].whole.pcw[0.20]:.1f}" for name in masks if name != TRUTH]
+        rows.append((row.title, *cells))
+    return MarkdownTable("4.12", columns, tuple(rows))
+
+
+def write_figure(figure: Figure412, folder: Path) -> None:
+    """Write the table, the chart and every number."""
+    from punnet.train.weight.chart_4_12 import draw_chart
+
+    write_text(folder / TABLE_FILE, table_4_12(figure).markdown() + "\n", force=True)
+    write_text(folder / JSON_FILE, json.dumps(figure.to_json(), indent=1, allow_nan=False) + "\n", force=True)
+    draw_chart(figure, folder / CHART_FILE)
+
+
+def _beside(ours: float, thesis: float | None) -> str:
+    return f"{ours:.1f}{BETWEEN_NUMBERS}{NOTHING if thesis is None else f'{thesis:.1f}'}"
