@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from punnet.perception.decoding import (
     Patch,
@@ -73,6 +74,19 @@ def test_masks_lie_where_an_exact_resampling_puts_them(rng: np.random.Generator,
         reference = sampled[0, 0].numpy() > 0.5
         ours = full(paste_mask(mask, region, SIZE, 0.5))
         assert (ours & reference).sum() >= 0.999 * (ours | reference).sum()
+
+
+def test_masks_are_interpolated_without_rounding(rng: np.random.Generator) -> None:
+    v, u = np.mgrid[: SIZE[0], : SIZE[1]]
+    for _ in range(5):
+        mask = rng.random((14, 14), dtype=np.float32)
+        corner, side = rng.uniform(-20, 200, 2), rng.uniform(20, 150, 2)
+        region = np.concatenate((corner, corner + side))
+        cells = ((v - corner[1]) * 14 / side[1] - 0.5, (u - corner[0]) * 14 / side[0] - 0.5)
+        reference = ndimage.map_coordinates(mask.astype(np.float64), cells, order=1, mode="grid-constant")
+        clear = np.abs(reference - 0.5) > 1e-5
+        assert (full(paste_mask(mask, region, SIZE, 0.5)) == (reference > 0.5))[clear].all()
+        assert clear.mean() > 0.999
 
 
 @pytest.mark.parametrize(("radius", "share"), [(6, 0.95), (12, 0.97), (60, 0.99)])
