@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from punnet.data.formats import read_dataset
+from punnet.outputs import write_text
 from punnet.train.detector.bundling import Terms, bundle_run, network_of_checkpoint
 from punnet.train.detector.config import SLIM, DetectorConfig, Source
 from punnet.train.detector.network import count_parameters
@@ -56,15 +57,16 @@ def main() -> None:
                 "parameters_million": count_parameters(network) / 1e6,
                 "training_seconds": seconds,
                 "milliseconds": latency(folder / "bundle" / "model.onnx"),
-                **{f"{row.name}_mask_ap{t:g}": v for row in scores.rows[:2] for t, v in row.mask_ap.items()},
+                **{f"{row.name}_mask_ap{t:g}": v for row in scores.rows[:3] for t, v in row.mask_ap.items()},
                 **{
                     f"{row.name}_oks_ap{t:g}": v
-                    for row in scores.rows[:2]
+                    for row in scores.rows[:3]
                     for t, v in row.keypoint_ap.items()
                 },
             }
         )
-    (arguments.out / "backbones.json").write_text(json.dumps(rows, indent=1) + "\n")
+    plain = [{key: None if value != value else value for key, value in row.items()} for row in rows]
+    write_text(arguments.out / "backbones.json", json.dumps(plain, indent=1) + "\n", force=True)
     for key in rows[0]:
         values = [row[key] for row in rows]
         print(f"{key:28}", *(f"{v:>26.3f}" if isinstance(v, float) else f"{v:>26}" for v in values))
