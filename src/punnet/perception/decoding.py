@@ -60,16 +60,12 @@ def paste_mask(
         return Patch(top, left, np.zeros((0, 0), dtype=np.bool_))
     density = cells / np.maximum(region[2:] - region[:2], 1e-3)
     first = (np.array([left, top]) - region[:2]) * density - 0.5
-    along_u = _linear_weights(first[0], density[0], right - left, cells)
-    along_v = _linear_weights(first[1], density[1], bottom - top, cells)
-    # Not by OpenCV, which rounds positions to 1/32 cell: a pixel would then hang on the last digit of the region.
-    return Patch(top, left, along_v @ probabilities @ along_u.T > threshold)
-
-
-def _linear_weights(first: float, step: float, count: int, cells: int) -> NDArray[np.float32]:
-    """Weights (count, cells) that interpolate cells at ``first + i * step``; outside of its region there is no berry."""
-    places = first + step * np.arange(count)
-    return np.maximum(1.0 - np.abs(places[:, None] - np.arange(cells)), 0.0).astype(np.float32)
+    to_cells = np.array([[density[0], 0.0, first[0]], [0.0, density[1], first[1]]])
+    # Outside its region there is no berry: the border is constant zero.
+    resampled = cv2.warpAffine(
+        probabilities, to_cells, (right - left, bottom - top), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    )
+    return Patch(top, left, np.asarray(resampled) > threshold)
 
 
 def decode_heatmaps(heatmaps: NDArray[np.float32], regions: NDArray[np.float32]) -> NDArray[np.float64]:
