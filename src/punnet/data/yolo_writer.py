@@ -80,13 +80,13 @@ def write_yolo(
                 label = (output.path / "labels" / part / name).with_suffix(".txt")
                 label.write_text("".join(f"{line}\n" for line in lines))
         (output.path / "data.yaml").write_text(_yaml([*named], task))
-    lines = [f"{count} × {loss}" for loss, count in sorted(losses.items())]
+    told = [f"{count} × {loss}" for loss, count in sorted(losses.items())]
     if "val" not in named:
-        lines.append(
+        told.append(
             f"no part val was given: data.yaml names the images of {next(iter(named))} in its place, so that it can be "
             "trained with; scores on those say nothing of other plants"
         )
-    return lines
+    return told
 
 
 def _by_part(dataset: Dataset) -> dict[str, Dataset]:
