@@ -54,10 +54,8 @@ def from_meshes(berries: int, rng: np.random.Generator) -> tuple[list[float], li
 
 def judge(seeds: range) -> dict[str, np.ndarray]:
     """One row a berry in the clusters' first views."""
-    estimator, columns = (
-        EllipsoidEstimator(),
-        ("true", "grams", "low", "high", "hidden", "gain", "elongation", "ratio", "ripe"),
-    )
+    columns = ("true", "grams", "low", "high", "hidden", "gain", "elongation", "ratio", "ripe")
+    estimator = EllipsoidEstimator()
     rows = []
     for seed in seeds:
         world = build_world(seed)
