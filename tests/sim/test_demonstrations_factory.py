@@ -9,6 +9,7 @@ import pytest
 
 from punnet.data.demos import mark_target, read_demos, validate_demos
 from punnet.errors import ConfigurationError, FileFormatError, OutputExistsError
+from punnet.outputs import Interrupted
 from punnet.robot import HOME, PANDA_LIMITS, Panda
 from punnet.sim.demonstrations_factory import simulate_demonstration_set
 from punnet.sim.demonstrations_scene import grow_scene, photograph_scene
@@ -82,17 +83,15 @@ def test_photographs_of_repeats_differ_by_noise_alone(folder: Path) -> None:
 def test_same_bytes_whatever_interrupts_it(folder: Path, tmp_path: Path) -> None:
     """Stopped after the first plant and started again, it makes what was made in one go."""
 
-    class StoppedError(Exception):
-        pass
-
     def stop(done: int) -> None:
         if done == 2:
-            raise StoppedError
+            raise KeyboardInterrupt
 
     place = tmp_path / "single"
     settings = {"configurations": 2, "repeats": 2, "seed": 4, "samples": 60}
-    with pytest.raises(StoppedError):
+    with pytest.raises(Interrupted) as interrupted:
         simulate_demonstration_set(place, **settings, progress=stop)  # type: ignore[arg-type]
+    assert interrupted.value.kept == place
     with pytest.raises(FileFormatError, match="not complete"):
         read_demos(place)
     with pytest.raises(OutputExistsError, match="begun with seed 4"):

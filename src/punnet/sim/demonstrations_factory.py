@@ -19,6 +19,7 @@ import numpy as np
 
 from punnet.errors import ConfigurationError
 from punnet.geometry import quaternion_from_rotation
+from punnet.outputs import Interrupted
 from punnet.robot import Panda
 from punnet.sim.demonstrations import reach_to
 from punnet.sim.demonstrations_folder import FolderOfReaches
@@ -104,6 +105,8 @@ def simulate_demonstration_set(
         If a number is out of range.
     OutputExistsError
         If the folder is complete, was begun with other settings, or was not made by Punnet.
+    Interrupted
+        By Ctrl-C; finished plants are kept, and gone on from when it is started again.
     """
     if min(configurations, repeats, workers) < 1 or samples < 2 or seed < 0 or scene not in SCENES:
         raise ConfigurationError(
@@ -128,10 +131,13 @@ def simulate_demonstration_set(
     kept = done = (configurations - sum(counts[plant] for plant in missing)) * repeats
     if progress is not None:
         progress(done)
-    for made in _run(place, [(plant, counts[plant]) for plant in missing], workers):
-        done += made
-        if progress is not None:
-            progress(done)
+    try:
+        for made in _run(place, [(plant, counts[plant]) for plant in missing], workers):
+            done += made
+            if progress is not None:
+                progress(done)
+    except KeyboardInterrupt as error:
+        raise Interrupted(place.folder if any(map(place.has, range(plants))) else None) from error
     place.complete(plants)
     episodes = configurations * repeats
     return DemonstrationReport(

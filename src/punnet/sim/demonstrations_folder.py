@@ -94,6 +94,7 @@ class FolderOfReaches:
         info = found.get("info")
         info = info if isinstance(info, dict) else {}
         other = [name for name, value in self.settings.items() if info.get(name) != value]
+        other = [name for name in other if name != "command"] or other  # it says the same in one line
         if other:
             was = ", ".join(f"{name} {info.get(name)!r}" for name in other)
             raise OutputExistsError(

@@ -40,7 +40,7 @@ LAB = {
     "configuration": 2,
 }
 FUZZ = settings(
-    deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture], database=None
+    deadline=None, max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture], database=None
 )
 numbers = st.one_of(
     st.integers(-3, 9), st.integers(), st.floats(), st.sampled_from([1e308, 2**70, -1, 1e-320])

@@ -69,12 +69,13 @@ def read_lerobot(path: str | Path) -> Reading:
             f"{path / INFO}: no feature '{STATE}'; there are {', '.join(map(str, features))}"
         )
     own = _sidecar(path)
+    frames = _Frames(_wanted(features))
     reading = Reading(path, info={"lerobot": {key: info.get(key) for key in ("robot_type", "fps")}})
     for number, row in enumerate(_episode_rows(path)):
         told = own[number] if number < len(own) and isinstance(own[number], dict) else {}
         name = str(told.get("id", row.get("episode_index", number)))
         with reading.episode(name):
-            reading.add(_episode(path, info, features, row, told, name))
+            reading.add(_episode(path, info, features, frames, row, told, name))
     return reading
 
 
@@ -96,17 +97,51 @@ def _episode_rows(path: Path) -> Iterator[Row]:
             yield {name: value for name, value in row.items() if not name.startswith("stats/")}
 
 
-def _table(file: Path, columns: list[str] | None, **options: Any) -> Any:
+def _table(file: Path, columns: list[str] | None) -> Any:
     _, parquet = require_pyarrow("pyarrow.parquet")
     try:
-        return parquet.read_table(file, columns=columns, **options)
+        table = parquet.read_table(file, columns=columns)
+        table.validate(full=True)
     except FileNotFoundError as error:
         raise FileFormatError(f"{file}: no such file") from error
     except Exception as error:  # pyarrow's own errors, and what a damaged file makes of them
         raise FileFormatError(f"{file}: not a readable table ({type(error).__name__}: {error})") from error
+    return table
 
 
-def _episode(path: Path, info: Row, features: Row, row: Row, told: Row, name: str) -> Episode:
+class _Frames:
+    """The tables of frames; the last one read is kept, as neighbouring episodes stand in one file."""
+
+    def __init__(self, columns: list[str]) -> None:
+        self.columns = columns
+        self._file: Path | None = None
+        self._table: Any = None
+        self._episodes: NDArray[np.float64] = np.zeros(0)
+
+    def of(self, file: Path, episode: int) -> Any:
+        """The rows of an episode."""
+        if file != self._file:
+            self._table = _table(file, self.columns)
+            self._episodes = number_array(self._table.column("episode_index").to_pylist(), "episode_index")
+            self._file = file
+        rows = np.flatnonzero(self._episodes == episode)
+        if not len(rows):
+            raise EpisodeRefused([("missing-field", f"{file}: has no row of episode {episode}")])
+        return self._table.take(rows)
+
+
+def _wanted(features: Row) -> list[str]:
+    """Columns that are read."""
+    columns = [key for key in (STATE, POSE, BOX, POINT) if key in features]
+    camera = _camera_key(features)
+    if camera is not None and features[camera]["dtype"] == "image":
+        columns.append(camera)
+    return [*columns, "timestamp", "episode_index"]
+
+
+def _episode(
+    path: Path, info: Row, features: Row, frames: _Frames, row: Row, told: Row, name: str
+) -> Episode:
     index = row.get("episode_index")
     if not isinstance(index, int):
         raise EpisodeRefused([("missing-field", "the table of episodes has no episode_index")])
@@ -116,14 +151,8 @@ def _episode(path: Path, info: Row, features: Row, row: Row, told: Row, name: st
             [("missing-field", f"fps of {INFO} must be a positive number, got {info.get('fps')!r}")]
         )
     camera = _camera_key(features)
-    wanted = [key for key in (STATE, POSE, BOX, POINT) if key in features]
-    kinds = {key: str(feature.get("dtype")) for key, feature in features.items() if isinstance(feature, dict)}
-    if camera is not None and kinds[camera] == "image":
-        wanted.append(camera)
     file = path / _placed(info.get("data_path"), DATA_PATH, _chunk(row, "data"))
-    table = _table(file, [*wanted, "timestamp", "episode_index"], filters=[("episode_index", "==", index)])
-    if table.num_rows == 0:
-        raise EpisodeRefused([("missing-field", f"{file}: has no row of episode {index}")])
+    table, wanted = frames.of(file, index), frames.columns
     states = _column(table, STATE)
     names = feature_names(features[STATE], states.shape[1] if states.ndim == 2 else -1)
     times = _column(table, "timestamp").ravel()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from punnet.data.demos.episode import DemonstrationSet, Episode
 from punnet.data.demos.pairing import suspect_targets
 from punnet.data.demos.trajectory import Trajectory
-from punnet.errors import ConfigurationError, PunnetError
+from punnet.errors import ConfigurationError, OutputExistsError, PunnetError
 from punnet.outputs import write_bytes
 
 if TYPE_CHECKING:
@@ -45,6 +45,8 @@ def draw_demonstrations(demonstrations: DemonstrationSet, path: str | Path, *, f
     place = Path(path)
     if place.suffix.lower() not in SUFFIXES:
         raise ConfigurationError(f"{place}: the figure is written as {', '.join(SUFFIXES)}")
+    if place.exists() and not force:
+        raise OutputExistsError(f"{place}: exists; give another name or --force")
     spaces = [
         space for space in ("joints", "poses") if any(getattr(e, space) is not None for e in demonstrations)
     ]
