@@ -138,18 +138,25 @@ def _weights(report: HarvestReport) -> str:
     inside = sum(low <= actual <= high for (low, high), actual in bounds)
     words = (
         f"<p>Estimated before the pick: <b>{by_eye:.0f} g</b>. They weigh <b>{weigh:.0f} g</b>: "
-        f"the estimate was off by {by_eye / weigh - 1:+.1%}. {inside} of {len(bounds)} lie in their interval.</p>"
+        f"the estimate was off by {_signed(by_eye / weigh - 1)}. {inside} of {len(bounds)} lie in their interval.</p>"
         '<p class="soft">A dot on the line is right, in the band right within 20%; bars are the intervals.</p>'
     )
     drawing = draw_estimates(report.picked)
     return _section("By eye and in truth", f'<div class="by-eye">{drawing}<div>{words}</div></div>', pairs)
 
 
+def _signed(share: float) -> str:
+    return f"{share:+.1%}".replace("-", "−")
+
+
 def _punnet(punnet: PunnetRecord) -> str:
     share = 100 * min(1.0, punnet.grams / punnet.nominal_g) if punnet.nominal_g > 0 else 0.0
     berries = "1 berry" if punnet.berries == 1 else f"{punnet.berries} berries"
     words = [f"{punnet.estimated_g:.0f} g by eye before picking"] if punnet.estimated_g else []
-    words.append("not full yet" if punnet.giveaway is None else f"full; giveaway {punnet.giveaway:+.1%}")
+    if punnet.giveaway is not None:
+        words.append(f"full; giveaway {_signed(punnet.giveaway)}")
+    else:
+        words.append("not full yet" if punnet.berries else "empty")
     return (
         f'<article class="card"><h3>Punnet {punnet.number}</h3>'
         f'<div class="fill" role="img" aria-label="{share:.0f}% full">'

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 __all__ = ["draw_comparison"]
 
 _COLOURS = ("#b3122f", "#1f6f8b", "#7fb0c0", "#8a6d00", "#cdb860")
-_FAILS = "#d9d2cd"
 
 
 def draw_comparison(comparison: Comparison) -> bytes:
@@ -49,7 +48,7 @@ def _weights(axes: Axes, setting: Setting, config: PackingConfig) -> None:
     for result, colour in zip(setting.results, _COLOURS, strict=False):
         if len(result.weights):
             share = np.histogram(result.weights, edges)[0] / len(result.weights)
-            axes.stairs(100 * share, edges, color=colour, linewidth=1.8, label=result.name)
+            axes.stairs(100 * share, edges, color=colour, linewidth=1.8)
     top = 1.12 * axes.get_ylim()[1]
     axes.set_ylim(0, top)
     for grams, words in (
@@ -58,27 +57,29 @@ def _weights(axes: Axes, setting: Setting, config: PackingConfig) -> None:
         (nominal - 2 * tolerance, "− 2 TNE"),
     ):
         axes.axvline(grams, color="#555555", linewidth=0.9, linestyle="--")
-        axes.text(grams, 0.99 * top, f" {words}", va="top", fontsize=8.5, color="#555555")
+        axes.text(grams, 0.98 * top, words, rotation=90, ha="right", va="top", fontsize=8.5, color="#555555")
     axes.set(
         title=setting.name, xlabel="grams in the punnet", ylabel="% of punnets", xlim=(edges[0], edges[-1])
     )
-    axes.legend(frameon=False, fontsize=9, loc="center right")
 
 
 def _giveaway(axes: Axes, setting: Setting) -> None:
-    """Bars; pale where batches fail the rule."""
+    """Bars in the colours of the curves; hatched where batches fail the rule."""
     names = [result.name for result in setting.results]
     shares = [100 * result.giveaway for result in setting.results]
-    passed = [result.passed == len(result.batches) for result in setting.results]
-    colours = [colour if good else _FAILS for colour, good in zip(_COLOURS, passed, strict=False)]
-    bars = axes.barh(names, np.nan_to_num(shares), color=colours)
+    bars = axes.barh(names, np.nan_to_num(shares), linewidth=1.8)
+    for bar, result, colour in zip(bars, setting.results, _COLOURS, strict=False):
+        fails = result.passed < len(result.batches)
+        bar.set(edgecolor=colour, facecolor="white" if fails else colour, hatch="////" if fails else None)
     words = [
-        f" {share:.2f}%, {result.passed} of {len(result.batches)} pass"
+        f"{share:.2f}%, {result.passed} of {len(result.batches)} pass"
         for share, result in zip(shares, setting.results, strict=True)
     ]
-    axes.bar_label(bars, words, fontsize=9, bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5})
+    axes.bar_label(
+        bars, words, fontsize=9, padding=3, bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5}
+    )
     axes.axvline(100 * BAR, color="#555555", linewidth=0.9, linestyle="--", zorder=0)
     axes.invert_yaxis()
-    axes.set(title=f"giveaway (dashed: {100 * BAR:g}%; grey: fails the rule)", xlabel="% of nominal")
+    axes.set(title=f"giveaway (dashed: {100 * BAR:g}%; hatched: fails the rule)", xlabel="% of nominal")
     axes.set_xlim(0, 1.45 * max(1.0, *np.nan_to_num(shares)))
     axes.spines[["top", "right"]].set_visible(False)

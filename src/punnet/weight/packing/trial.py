@@ -140,7 +140,7 @@ def run_trial(policy: PackingPolicy, places: int, batches: Sequence[Batch], seed
     return TrialResult(policy.name, tuple(each_batch(policy, places, batches, seed)))
 
 
-def _rounded(value: float, digits: int = 5) -> float | None:
+def _rounded(value: float, digits: int = 6) -> float | None:
     return round(float(value), digits) if np.isfinite(value) else None
 
 
