@@ -22,9 +22,9 @@ def register(app: typer.Typer) -> None:
     group.command("harvest", epilog="Example: punnet benchmark harvest --clusters 20 --seed 1 --workers 2")(
         harvest
     )
-    group.command("packing", epilog="Example: punnet benchmark packing weight-scores.json --out packing.png")(
-        packing
-    )
+    group.command(
+        "packing", epilog="Example: punnet benchmark packing weighed-berries.csv --out packing.png"
+    )(packing)
     app.add_typer(group, name="benchmark")
 
 

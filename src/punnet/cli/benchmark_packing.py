@@ -21,7 +21,7 @@ def packing(
     errors: Annotated[
         Path,
         typer.Argument(
-            help="What punnet evaluate weight --json wrote, or a CSV: true_g,estimate_g,low_g,high_g.",
+            help="CSV or JSON of weighed berries: true_g, estimate_g, low_g, high_g.",
             show_default=False,
         ),
     ],

@@ -109,8 +109,8 @@ def draw_batch(
 def read_errors(path: str | Path) -> EstimationErrors:
     """Read an estimator's errors: CSV with the columns ``true_g estimate_g low_g high_g``, or JSON with a list of such rows.
 
-    In JSON the list may be the document or its ``rows``, as ``punnet evaluate weight --json`` writes it; its ``coverage``
-    is taken if it is there. An empty cell, NaN or null is a berry without an estimate.
+    In JSON the list may be the document or its ``rows``, beside the intervals' ``coverage`` if it is not 0.9. An empty cell,
+    NaN or null is a berry without an estimate. ``benchmarks/weight_pairs.py`` writes such a CSV for any estimator.
 
     Raises
     ------
