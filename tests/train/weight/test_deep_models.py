@@ -95,6 +95,7 @@ def test_two_steps_then_the_same_grams_from_disk(name: str, tmp_path: Path) -> N
     assert grams.dtype == np.float64
     assert (grams > 0).all()
     model.save(tmp_path / "kept")
+    model.save(tmp_path / "kept")  # a run that was stopped between saving and judging saves again
     loaded = spec.load(tmp_path / "kept")
     np.testing.assert_array_equal(loaded.predict(validation.observations), grams)
     one_by_one = np.concatenate([loaded.predict([seen]) for seen in validation.observations])

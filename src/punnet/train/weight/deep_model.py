@@ -68,14 +68,14 @@ class DeepWeightModel:
         """Write ``model.json`` and ``network.pt``, a state dict that loads without unpickling code."""
         weights = io.BytesIO()
         torch.save(self.network.state_dict(), weights)
-        write_bytes(folder / WEIGHTS_FILE, weights.getvalue())
+        write_bytes(folder / WEIGHTS_FILE, weights.getvalue(), force=True)
         description = {
             "schema": SCHEMA,
             "model": self.name,
             "config": config_to_json(self.config),
             "curve": [dict(epoch) for epoch in self.curve],
         }
-        write_text(folder / DESCRIPTION_FILE, json.dumps(description, indent=1) + "\n")
+        write_text(folder / DESCRIPTION_FILE, json.dumps(description, indent=1) + "\n", force=True)
 
 
 def load_deep_model(
