@@ -61,8 +61,8 @@ def hull_components(
     points = np.asarray(points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
         raise ShapeError(f"hull: need finite points (P, 3), got {points.shape}")
-    points = _candidates(points)
     try:
+        points = _candidates(points) if len(points) else points
         hull = ConvexHull((points - points[:1]) @ (np.eye(3) if R_view_camera is None else R_view_camera.T))
     except (QhullError, ValueError) as error:
         raise ShapeError(f"hull: {len(points)} points have none, they are too few or flat") from error

@@ -132,6 +132,8 @@ def _metric(berry: BerryObservation, profile: BerryProfile, relief: BerryRelief)
     turned = math.pi * profile.length * _MILLILITRES
     revolution = turned * float(np.mean((high - low) ** 2)) / 4.0
     pixels = int(berry.mask.sum())
+    # A pixel far from the image's middle is farther away and looks at the berry aslant: less of it is in the pixel.
+    slant = float(berry.outline.R_view_camera[2, 2])
     return {
         "length_m": profile.length,
         "width_m": profile.width,
@@ -139,7 +141,7 @@ def _metric(berry: BerryObservation, profile: BerryProfile, relief: BerryRelief)
         "seen_width_m": float(np.ptp(profile.seen[:, 1])),
         "keypoint_length_m": _or(profile.keypoint_length, profile.length),
         "keypoint_width_m": _or(profile.keypoint_width, profile.width),
-        "visible_area_m2": pixels * berry.scale**2 / (berry.camera.fx * berry.camera.fy),
+        "visible_area_m2": pixels * berry.scale**2 * slant**3 / (berry.camera.fx * berry.camera.fy),
         "outline_area_m2": _area(profile.completed),
         "revolution_ml": revolution,
         "seen_revolution_ml": turned * float(np.mean((seen_high - seen_low) ** 2)) / 4.0,
