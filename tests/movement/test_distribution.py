@@ -187,7 +187,7 @@ def test_joint_trajectory_of_the_mean_takes_its_time_and_its_ends() -> None:
         instants = np.linspace(0.0, calm.duration, 3000)
         assert (np.abs(calm.sample(instants, derivative=derivative)) <= bound * (1 + 1e-9)).all()
     task = TrajectoryDistribution(GaussianBasis(), np.zeros((6, 8)), np.eye(48), space="task")
-    with pytest.raises(ConfigurationError, match="follow_path"):
+    with pytest.raises(ConfigurationError, match="joints_along"):
         task.to_joint_trajectory(LIMITS)
     with pytest.raises(ConfigurationError, match="at_least"):
         distribution.to_joint_trajectory(LIMITS, at_least=-1.0)

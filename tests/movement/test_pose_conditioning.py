@@ -44,15 +44,23 @@ def test_the_mean_meets_poses_and_joints_together_and_nothing_spreads(seed: int)
     assert (reach.std(PHASES) <= REACH.std(PHASES) + 1e-6).all()
 
 
-def test_samples_pass_the_pose_within_the_noise_that_was_allowed() -> None:
+def test_what_is_left_of_the_spread_is_at_most_the_noise_that_was_allowed() -> None:
     pose = near_the_end(1)
     reach = condition_on_poses(
         REACH, [PoseViaPoint(1.0, pose, position_std=0.005, rotation_std=0.02)], KINEMATICS
     )
-    joints = reach.sample(np.random.default_rng(0), 400, [1.0])[:, 0]
-    distance, angle = pose_error(ARM.forward_kinematics_tool(joints), pose[None])
-    assert 0.002 < np.sqrt(np.square(distance).mean() / 3) < 0.007
-    assert np.sqrt(np.square(angle).mean() / 3) < 0.03
+    J = ARM.jacobian_tool(reach.mean([1.0])[0])
+    left = np.sqrt(np.diag(J @ reach.covariance([1.0])[0] @ J.T))
+    assert (left[:3] <= 0.005).all()
+    assert (left[3:] <= 0.02).all()
+    assert (left > 0.001).all()
+    distance, angle = pose_error(ARM.forward_kinematics_tool(reach.mean([1.0])[0]), pose)
+    assert distance < 0.005
+    assert angle < 0.02
+    # The samples too, as long as the elbow's freedom does not bend them off the pose.
+    narrow = TrajectoryDistribution(REACH.basis, reach.weight_mean, 0.1 * reach.weight_covariance)
+    joints = narrow.sample(np.random.default_rng(0), 400, [1.0])[:, 0]
+    assert (ARM.forward_kinematics_tool(joints)[:, :3, 3].std(axis=0) < 0.005).all()
 
 
 def test_a_free_orientation_asks_for_the_point_alone() -> None:

@@ -76,13 +76,15 @@ def test_shapes_are_batched():
 def test_jacobian_is_the_derivative(seed):
     joints = random_joints(seed, 1)[0]
     step = 1e-6
-    ahead = ARM.forward_kinematics(joints + step * np.eye(7))
-    behind = ARM.forward_kinematics(joints - step * np.eye(7))
-    rate = (ahead - behind) / (2 * step)
-    J = ARM.jacobian(joints)
-    np.testing.assert_allclose(rate[:, :3, 3].T, J[:3], atol=1e-8)
-    spin = rate[:, :3, :3] @ ARM.forward_kinematics(joints)[:3, :3].T
-    np.testing.assert_allclose(spin[:, (2, 0, 1), (1, 2, 0)].T, J[3:], atol=1e-8)
+    for pose, jacobian in (
+        (ARM.forward_kinematics, ARM.jacobian),
+        (ARM.tool_kinematics.pose, ARM.tool_kinematics.jacobian),
+    ):
+        rate = (pose(joints + step * np.eye(7)) - pose(joints - step * np.eye(7))) / (2 * step)
+        J = jacobian(joints)
+        np.testing.assert_allclose(rate[:, :3, 3].T, J[:3], atol=1e-8)
+        spin = rate[:, :3, :3] @ pose(joints)[:3, :3].T
+        np.testing.assert_allclose(spin[:, (2, 0, 1), (1, 2, 0)].T, J[3:], atol=1e-8)
 
 
 @settings(max_examples=25, deadline=None)

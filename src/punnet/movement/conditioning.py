@@ -6,20 +6,18 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpotrf, dtrtrs
+from scipy.linalg.lapack import dpotrf, dtrtri
 
 from punnet.errors import ConfigurationError
 from punnet.movement.basis import GaussianBasis
 from punnet.movement.via_point import ViaPoint
 
-__all__ = ["condition_gaussian", "observe", "require_semi_definite"]
+__all__ = ["condition_gaussian", "condition_on_via_points", "observe", "require_semi_definite"]
 
 Array = NDArray[np.float64]
 
 RELATIVE_RANK = 1e-12
-GOOD_PIVOT = (
-    1e-4  # of the scaled innovation; below it the update is made in the form that rounding can't hurt
-)
+GOOD_PIVOT = 1e-4  # of the scaled innovation; below it the form is taken that rounding can't hurt
 UNMET_TOLERANCE = 1e-6
 
 
@@ -53,27 +51,77 @@ def condition_gaussian(
     """
     if len(values) == 0:
         return mean, covariance
-    # Σ Aᵀ and below it the residual, laid out as LAPACK wants their transpose: nothing is copied.
-    stacked = np.empty((len(mean) + 1, len(values)))
-    cross = stacked[:-1]
-    cross[:] = (observation @ covariance).T
-    stacked[-1] = values - observation @ mean
-    innovation = observation @ cross
+    cross = observation @ covariance
+    quick = _condition_quickly(
+        mean,
+        covariance,
+        cross,
+        cross @ observation.T,
+        values - observation @ mean,
+        noise,
+        float(np.vdot(observation, observation)),
+    )
+    return quick or _condition_carefully(mean, covariance, observation, values, noise)
+
+
+def condition_on_via_points(
+    mean: Array, covariance: Array, basis: GaussianBasis, via_points: Sequence[ViaPoint]
+) -> tuple[Array, Array]:
+    """Posterior mean (D, B) and covariance (D·B, D·B) of weights, given via-points, as :func:`condition_gaussian`.
+
+    Where every via-point is for all degrees of freedom, the same basis functions see each of them, and the
+    observation matrix, mostly zeros, need not be made.
+    """
+    D, B = mean.shape
+    if all(point.degrees_of_freedom is None and len(point.values) == D for point in via_points):
+        rows = _basis_rows(via_points, basis)
+        cross = np.matmul(rows, covariance.reshape(D, B, D * B)).reshape(-1, D * B)
+        innovation = (cross.reshape(-1, B) @ rows.T).reshape(len(cross), -1)
+        values = np.array([point.values for point in via_points]).T
+        noise = _variances(via_points).reshape(-1, D).T.ravel()
+        residual = (values - mean @ rows.T).ravel()
+        quick = _condition_quickly(
+            mean.ravel(), covariance, cross, innovation, residual, noise, D * float(np.vdot(rows, rows))
+        )
+        if quick:
+            return quick[0].reshape(D, B), quick[1]
+    observation, stacked, noise = observe(via_points, basis, D)
+    updated, spread = condition_gaussian(mean.ravel(), covariance, observation, stacked, noise)
+    return updated.reshape(D, B), spread
+
+
+def _condition_quickly(
+    mean: Array,
+    covariance: Array,
+    cross: Array,
+    innovation: Array,
+    residual: Array,
+    noise: Array,
+    squares: float,
+) -> tuple[Array, Array] | None:
+    """Condition by a Cholesky factor, from A Σ (M, N), A Σ Aᵀ (M, M), the residual (M,) and the noise.
+
+    ``squares`` is the sum of squares of A. None if the rows are nearly dependent, or have no variance but what
+    rounding left of an earlier exact via-point.
+    """
     if noise.ndim == 1:
-        innovation.flat[:: len(values) + 1] += noise
+        innovation.flat[:: len(cross) + 1] += noise
     else:
         innovation += noise
     variances = innovation.diagonal().copy()
-    factor, failed = dpotrf(innovation.T, lower=1, clean=0, overwrite_a=1)
+    factor, failed = dpotrf(innovation.T, lower=1, overwrite_a=1)
+    if failed:
+        return None
     # The factor's diagonal over the variances is that of the factor of rows scaled to unit variance.
-    if not failed and (np.square(factor.diagonal()) > GOOD_PIVOT * variances).all():
-        largest = float(covariance.diagonal().max()) * float(np.vdot(observation, observation))
-        if min(variances.tolist()) > RELATIVE_RANK * largest:
-            whitened, _ = dtrtrs(factor, stacked.T, lower=1, overwrite_b=1)
-            root = whitened[:, :-1]
-            # rootᵀ root of one and the same array is symmetric to the last bit.
-            return mean + whitened[:, -1] @ root, covariance - root.T @ root
-    return _condition_carefully(mean, covariance, observation, values, noise)
+    pivot = np.minimum.reduce(factor.diagonal() ** 2 / variances)
+    rounding = RELATIVE_RANK * squares * np.maximum.reduce(covariance.diagonal())
+    if pivot <= GOOD_PIVOT or np.minimum.reduce(variances) <= rounding:
+        return None
+    # With pivots like these the inverse is as good as solving, and quicker for so few rows.
+    inverse, _ = dtrtri(factor, lower=1, overwrite_c=1)
+    root = inverse @ cross
+    # rootᵀ root of one and the same array is symmetric to the last bit.
+    return mean + (inverse @ residual) @ root, covariance - root.T @ root
 
 
 def _condition_carefully(
@@ -130,23 +178,18 @@ def observe(
 ) -> tuple[Array, Array, Array]:
     """Observation matrix (M, D·B), values (M,) and noise variances (M,) of via-points, one row a value."""
     rows = _basis_rows(via_points, basis)
-    values = np.concatenate([point.values for point in via_points])
-    variances = _variances(via_points)
-    if all(point.degrees_of_freedom is None and len(point.values) == dimensions for point in via_points):
-        every = np.arange(dimensions)
-        matrix = np.zeros((len(via_points), dimensions, dimensions, basis.count))
-        matrix[:, every, every] = rows[:, None]
-        return matrix.reshape(len(values), -1), values, variances
     degrees = [point.indices(dimensions) for point in via_points]
     owner = np.repeat(np.arange(len(via_points)), [len(chosen) for chosen in degrees])
     matrix = np.zeros((len(owner), dimensions, basis.count))
     matrix[np.arange(len(owner)), np.concatenate(degrees)] = rows[owner]
-    return matrix.reshape(len(owner), -1), values, variances
+    values = np.concatenate([point.values for point in via_points])
+    return matrix.reshape(len(owner), -1), values, _variances(via_points)
 
 
 def _variances(via_points: Sequence[ViaPoint]) -> Array:
-    if all(isinstance(point.std, float) and point.std == 0.0 for point in via_points):
-        return np.zeros(sum(len(point.values) for point in via_points))
+    stds = [point.std for point in via_points if isinstance(point.std, float)]
+    if len(stds) == len(via_points):
+        return np.repeat(np.square(stds), [len(point.values) for point in via_points])
     return np.concatenate([point.variances for point in via_points])
 
 

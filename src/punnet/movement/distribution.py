@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from punnet.errors import ConfigurationError, FileFormatError, ShapeError
 from punnet.movement.basis import GaussianBasis
-from punnet.movement.conditioning import condition_gaussian, observe, require_semi_definite
+from punnet.movement.conditioning import condition_on_via_points, require_semi_definite
 from punnet.movement.distribution_json import distribution_to_json, fields_from_json
 from punnet.movement.joint_trajectory import JointTrajectory
 from punnet.movement.pose_chart import COORDINATE_NAMES, PoseChart
@@ -91,7 +91,7 @@ class TrajectoryDistribution:
                 f"trajectory distribution: weight_covariance must be {(mean.size, mean.size)}, "
                 f"got {covariance.shape}"
             )
-        if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
+        if not (np.isfinite(mean).all() and math.isfinite(np.vdot(covariance, covariance))):
             raise ShapeError("trajectory distribution: weights must be finite")
         require_semi_definite(covariance)
         if not (math.isfinite(self.duration) and self.duration > 0):
@@ -247,13 +247,10 @@ class TrajectoryDistribution:
         via_points = tuple(via_points)
         if not via_points:
             return self
-        observation, values, variances = observe(via_points, self.basis, self.dimensions)
-        mean, covariance = condition_gaussian(
-            self.weight_mean.ravel(), self.weight_covariance, observation, values, variances
+        mean, covariance = condition_on_via_points(
+            self.weight_mean, self.weight_covariance, self.basis, via_points
         )
-        return self._with_weights(
-            mean.reshape(self.weight_mean.shape), covariance, via_points=self.via_points + via_points
-        )
+        return self._with_weights(mean, covariance, via_points=self.via_points + via_points)
 
     def broadened(self, std: ArrayLike) -> TrajectoryDistribution:
         """Add independent variance ``std``² (one number or (D,)) to every weight; the mean stays.
@@ -301,14 +298,14 @@ class TrajectoryDistribution:
         Raises
         ------
         ConfigurationError
-            In task space, whose poses need inverse kinematics first (``punnet.robot.follow_path``).
+            In task space, whose poses need inverse kinematics first (``punnet.planning.task_reach``).
         KinematicsError
             If the mean leaves the joint limits.
         """
         if self.space != "joint":
             raise ConfigurationError(
                 "trajectory distribution: poses are no joint trajectory; chart.poses(mean(phase)) are the poses, "
-                "punnet.robot.follow_path finds the joints"
+                "punnet.planning.task_reach.joints_along finds the joints"
             )
         path = self.mean(np.linspace(0.0, 1.0, samples))
         return retime(path, limits, speed=speed, time_step=time_step, at_least=at_least)

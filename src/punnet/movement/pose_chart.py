@@ -59,7 +59,8 @@ class PoseChart:
             raise ShapeError(f"pose chart: reference must be a finite quaternion (4,), got {q}")
         if not np.linalg.norm(q) > 1e-9:
             raise ConfigurationError("pose chart: the reference quaternion is zero")
-        q /= np.linalg.norm(q)
+        if abs(np.linalg.norm(q) - 1.0) > 1e-12:  # what is of unit length stays as it is, to the last bit
+            q /= np.linalg.norm(q)
         q.setflags(write=False)
         object.__setattr__(self, "reference", q)
 

@@ -1,8 +1,9 @@
 """Conditioning on where the hand shall be: via-points in space for a distribution over joints.
 
 A pose is no linear function of the weights, so it is linearised, conditioned on in closed form together with
-everything else asked, and linearised again where that led (iterated extended Kalman update, a Gauss–Newton
-method): among all trajectories that meet the poses it finds the most likely one.
+everything else asked, and linearised again where that led: the iterated extended Kalman update, a Gauss–Newton
+method. Steps are shortened until they pay (likelihood against what is still missed), so that it settles on the
+most likely trajectory also where an arm has joints to spare.
 """
 
 from __future__ import annotations
@@ -25,11 +26,13 @@ __all__ = ["PoseViaPoint", "condition_on_poses"]
 
 Array = NDArray[np.float64]
 
-ITERATIONS = 60
+ITERATIONS = 100
 LARGEST_STEP = 0.5  # of a coordinate; beyond it the linearisation is not to be trusted
-CONVERGED = 1e-9
-SETTLED = 1e-4  # a search that still moves by more at its end has found nothing
+SHORTEST = 1e-3  # share of a step below which nothing is gained
+CONVERGED = 1e-7
+SETTLED = 1e-3  # a search that still moves by more at its end has found nothing
 MET = 1e-6  # metres and radians by which an exact pose may be missed
+CORRECTIONS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,41 +121,53 @@ def condition_on_poses(
     if not poses:
         return distribution.condition(via_points)
     problem = _Problem.of(distribution, kinematics, poses, via_points)
-    weights = distribution.weight_mean.ravel()
-    covariance = distribution.weight_covariance
-    size = math.inf
-    for _ in range(ITERATIONS):
-        try:
-            target, covariance = problem.update(weights)
-        except ConfigurationError as error:
-            raise KinematicsError(
-                f"{problem.worst(weights)}; no trajectory of the distribution comes nearer ({error})"
-            ) from error
-        step = target - weights
-        size = problem.largest_move(step)
-        weights = weights + step * min(1.0, LARGEST_STEP / max(size, 1e-300))
-        if size < CONVERGED:
-            break
-    if problem.missed(weights) > MET or size > SETTLED:
+    u, spread, size = _search(problem)
+    if problem.missed(u) > MET or size > SETTLED:
         raise KinematicsError(
-            f"{problem.worst(weights)}: it is out of reach or contradicts another via-point; give a std, another "
+            f"{problem.worst(u)}: it is out of reach or contradicts another via-point; give a std, another "
             "pose, or broaden the distribution"
         )
+    covariance = problem.root @ spread @ problem.root.T
     return distribution._with_weights(
-        weights.reshape(distribution.weight_mean.shape),
-        covariance,
+        problem.weights(u).reshape(distribution.weight_mean.shape),
+        (covariance + covariance.T) / 2.0,
         via_points=distribution.via_points + tuple(via_points),
     )
 
 
+def _search(problem: _Problem) -> tuple[Array, Array, float]:
+    """Most likely whitened weights u (N,), their covariance, and by how much the last step moved a joint."""
+    u = np.zeros(problem.root.shape[1])
+    price, size = 0.0, math.inf
+    for _ in range(ITERATIONS):
+        target, _, multiplier = problem.update(u)
+        step = target - u
+        size = problem.largest_move(step)
+        if size < CONVERGED:
+            break
+        price = max(price, 1.5 * multiplier)
+        share, now = min(1.0, LARGEST_STEP / size), problem.cost(u, price)
+        while share > SHORTEST and problem.cost(u + share * step, price) >= now:
+            share /= 2.0
+        if share <= SHORTEST:
+            break
+        u = u + share * step
+    for _ in range(CORRECTIONS):
+        u = u + problem.correction(u)
+    return u, problem.update(u)[1], size
+
+
 @dataclass(frozen=True, eq=False)
 class _Problem:
+    """In whitened weights: w = mean + root u with u ~ N(0, I)."""
+
     prior: TrajectoryDistribution
     kinematics: ForwardKinematics
     poses: tuple[PoseViaPoint, ...]
     phi: Array  # (P, B) at the poses' phases
     std: Array  # (P, 6)
     linear: tuple[Array, Array, Array]  # what the other via-points observe
+    root: Array  # (N, N)
 
     @classmethod
     def of(
@@ -165,47 +180,87 @@ class _Problem:
         linear: tuple[Array, Array, Array] = (np.zeros((0, prior.weight_mean.size)), np.zeros(0), np.zeros(0))
         if via_points:
             linear = observe(via_points, prior.basis, prior.dimensions)
+        eigenvalues, vectors = np.linalg.eigh(prior.weight_covariance)
+        root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
         phi = prior.basis.phi([point.phase for point in poses])
-        return cls(prior, kinematics, tuple(poses), phi, np.stack([point.std for point in poses]), linear)
+        std = np.stack([point.std for point in poses])
+        return cls(prior, kinematics, tuple(poses), phi, std, linear, root)
+
+    def weights(self, u: Array) -> Array:
+        """Weights (N,) as they are."""
+        return np.asarray(self.prior.weight_mean.ravel() + self.root @ u)
 
     def _coordinates(self, weights: Array) -> Array:
         """Joints (P, D) at the poses' phases."""
         return self.phi @ weights.reshape(self.prior.weight_mean.shape).T
 
-    def _errors(self, weights: Array) -> Array:
+    def _errors(self, u: Array) -> Array:
         """What is left to the poses (P, 6): metres and rotation vector, base axes."""
         wanted = np.stack([point.pose for point in self.poses])
-        T = self.kinematics.pose(self._coordinates(weights))
+        T = self.kinematics.pose(self._coordinates(self.weights(u)))
         turn = vector_from_rotation(wanted[:, :3, :3] @ T[:, :3, :3].transpose(0, 2, 1))
         return np.concatenate((wanted[:, :3, 3] - T[:, :3, 3], turn), axis=1)
 
-    def update(self, weights: Array) -> tuple[Array, Array]:
-        """Posterior of the prior, given the poses linearised at ``weights``."""
-        q = self._coordinates(weights)
-        J = self.kinematics.jacobian(q)
-        needed = self._errors(weights) + np.einsum("pij,pj->pi", J, q)
-        rows = np.einsum("pid,pb->pidb", J, self.phi).reshape(len(q) * 6, -1)
-        asked = np.isfinite(self.std).ravel()
-        matrix, values, variances = self.linear
-        return condition_gaussian(
-            self.prior.weight_mean.ravel(),
-            self.prior.weight_covariance,
-            np.concatenate((matrix, rows[asked])),
-            np.concatenate((values, needed.ravel()[asked])),
-            np.concatenate((variances, self.std.ravel()[asked] ** 2)),
-        )
+    @property
+    def noise(self) -> Array:
+        """Variances (M,) of everything asked: the other via-points, then the poses."""
+        return np.concatenate((self.linear[2], self.std[np.isfinite(self.std)] ** 2))
+
+    def residual(self, u: Array) -> Array:
+        """What is left (M,) to everything asked."""
+        matrix, values, _ = self.linear
+        return np.concatenate((values - matrix @ self.weights(u), self._errors(u)[np.isfinite(self.std)]))
+
+    def rows(self, u: Array) -> Array:
+        """Derivative (M, N) of everything asked by u."""
+        J = self.kinematics.jacobian(self._coordinates(self.weights(u)))
+        rows = np.einsum("pid,pb->pidb", J, self.phi).reshape(self.std.size, -1)
+        return np.concatenate((self.linear[0], rows[np.isfinite(self.std).ravel()])) @ self.root
+
+    def update(self, u: Array) -> tuple[Array, Array, float]:
+        """Posterior mean and covariance of u, linearised there, and the largest multiplier of what is exact."""
+        rows, noise = self.rows(u), self.noise
+        left = self.residual(u)
+        try:
+            target, spread = condition_gaussian(
+                np.zeros_like(u), np.eye(len(u)), rows, left + rows @ u, noise
+            )
+        except ConfigurationError as error:
+            raise KinematicsError(
+                f"{self.worst(u)}; no trajectory of the distribution comes nearer ({error})"
+            ) from error
+        exact = noise == 0.0
+        if not exact.any():
+            return target, spread, 0.0
+        still = (left + rows @ (u - target))[~exact] / noise[~exact]
+        force = target - rows[~exact].T @ still
+        return target, spread, float(np.abs(np.linalg.lstsq(rows[exact].T, force, rcond=None)[0]).max())
+
+    def cost(self, u: Array, price: float) -> float:
+        """Negative log-likelihood, and ``price`` for each metre and radian by which what is exact is missed."""
+        left, noise = self.residual(u), self.noise
+        exact = noise == 0.0
+        noisy = np.square(left[~exact]) / noise[~exact]
+        return float(0.5 * (u @ u + noisy.sum()) + price * np.abs(left[exact]).sum())
+
+    def correction(self, u: Array) -> Array:
+        """Smallest change of u that, to first order, meets what is exact."""
+        exact = self.noise == 0.0
+        if not exact.any():
+            return np.zeros_like(u)
+        return np.asarray(np.linalg.lstsq(self.rows(u)[exact], self.residual(u)[exact], rcond=1e-9)[0])
 
     def largest_move(self, step: Array) -> float:
-        """By how much a step of the weights moves a coordinate at one of the poses."""
-        return float(np.abs(self._coordinates(step)).max())
+        """By how much a step of u moves a coordinate at one of the poses."""
+        return float(np.abs(self._coordinates(self.root @ step)).max())
 
-    def missed(self, weights: Array) -> float:
+    def missed(self, u: Array) -> float:
         """Largest miss of what was asked exactly."""
-        return float(np.abs(self._errors(weights)[self.std == 0.0]).max(initial=0.0))
+        return float(np.abs(self.residual(u)[self.noise == 0.0]).max(initial=0.0))
 
-    def worst(self, weights: Array) -> str:
+    def worst(self, u: Array) -> str:
         """Describe the pose that is missed by most."""
-        errors = np.where(np.isfinite(self.std), np.abs(self._errors(weights)), 0.0)
+        errors = np.where(np.isfinite(self.std), np.abs(self._errors(u)), 0.0)
         index = int(np.argmax(errors.max(axis=1)))
         place = np.round(self.poses[index].pose[:3, 3], 3).tolist()
         return (

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ __all__ = ["ReducedDemonstrations", "marginal_log_likelihood", "reduce_demonstra
 
 Array = NDArray[np.float64]
 
+CACHED_SAMPLES = 10_000
 SMALLEST_NOISE = 1e-9
 """Standard deviation given to noise where there is none, in the degrees' own units."""
 
@@ -59,26 +61,39 @@ def reduce_demonstrations(
 ) -> ReducedDemonstrations:
     """Reduce demonstrations (T_n, D), sampled evenly or at ``phases`` (T_n,)."""
     lengths = np.array([len(values) for values in demonstrations])
-    if phases is None:
-        sampled: dict[int, Array] = {T: np.linspace(0.0, 1.0, T) for T in dict.fromkeys(lengths.tolist())}
-        members = {T: np.flatnonzero(lengths == T) for T in sampled}
+    if phases is not None:
+        members = [np.array([n]) for n in range(len(lengths))]
+        grids = [_factored(basis.phi(z)) for z in phases]
     else:
-        sampled = dict(enumerate(phases))
-        members = {n: np.array([n]) for n in sampled}
+        sampled, group = np.unique(lengths, return_inverse=True)
+        members = [np.flatnonzero(group == u) for u in range(len(sampled))]
+        grids = [_even_grid(basis, T) if T <= CACHED_SAMPLES else _even(basis, T) for T in sampled.tolist()]
     N, D, B = len(demonstrations), demonstrations[0].shape[1], basis.count
-    factors, group = np.zeros((len(sampled), B, B)), np.empty(N, dtype=np.int64)
+    group = np.empty(N, dtype=np.int64)
     projected, rest = np.zeros((N, D, B)), np.empty((N, D))
-    for u, key in enumerate(sampled):
-        Q, R = np.linalg.qr(basis.phi(sampled[key]))
-        of_group = members[key]
-        values = np.stack([demonstrations[int(n)] for n in of_group], axis=1).reshape(len(Q), -1)
+    for u, (of_group, (Q, _)) in enumerate(zip(members, grids, strict=True)):
+        values = np.concatenate([demonstrations[int(n)] for n in of_group], axis=1)
         inside = Q.T @ values
-        left = np.maximum(np.einsum("ti,ti->i", values, values) - np.einsum("bi,bi->i", inside, inside), 0.0)
-        factors[u, : len(R)] = R
+        left = np.einsum("ti,ti->i", values, values) - np.einsum("bi,bi->i", inside, inside)
         group[of_group] = u
-        projected[of_group, :, : len(R)] = inside.T.reshape(len(of_group), D, len(R))
-        rest[of_group] = left.reshape(len(of_group), D)
-    return ReducedDemonstrations(factors, group, projected, rest, lengths)
+        projected[of_group, :, : len(inside)] = inside.T.reshape(len(of_group), D, len(inside))
+        rest[of_group] = np.maximum(left, 0.0).reshape(len(of_group), D)
+    return ReducedDemonstrations(np.stack([R for _, R in grids]), group, projected, rest, lengths)
+
+
+def _factored(phi: Array) -> tuple[Array, Array]:
+    """Q (T, min(T, B)) and R (B, B), rows beyond T zero."""
+    Q, R = np.linalg.qr(phi)
+    full = np.zeros((phi.shape[1],) * 2)
+    full[: len(R)] = R
+    return Q, full
+
+
+def _even(basis: GaussianBasis, samples: int) -> tuple[Array, Array]:
+    return _factored(basis.phi(np.linspace(0.0, 1.0, samples)))
+
+
+_even_grid = lru_cache(maxsize=64)(_even)  # demonstrations of one length, in one fit and the next, share it
 
 
 def marginal_log_likelihood(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -71,16 +72,11 @@ class Ridge:
 
     def weights(self, demonstrations: ReducedDemonstrations) -> Array:
         """Weights (N, D, B) of each demonstration."""
-        N, D, B = demonstrations.shape
-        result = np.empty((N, D, B))
+        result = np.empty(demonstrations.shape)
         for u, R in enumerate(demonstrations.factors):
             chosen = demonstrations.group == u
-            # Solved as an augmented least-squares problem: its condition is cond(Φ), not cond(Φ)².
-            penalty = np.sqrt(self.penalty * np.square(R).sum() / B)
-            targets = demonstrations.projected[chosen].reshape(-1, B).T
-            lhs = np.concatenate((R, penalty * np.eye(B)))
-            rhs = np.concatenate((targets, np.zeros_like(targets)))
-            result[chosen] = np.linalg.lstsq(lhs, rhs, rcond=None)[0].T.reshape(-1, D, B)
+            inverse = _ridge_inverse(R.tobytes(), len(R), self.penalty)
+            result[chosen] = demonstrations.projected[chosen] @ inverse.T
         return result
 
     def estimate(self, demonstrations: ReducedDemonstrations, covariance: str) -> WeightEstimate:
@@ -92,10 +88,22 @@ class Ridge:
             spread = per_degree(spread, D)
         diagonal = np.einsum("ii->i", spread)
         np.maximum(diagonal, self.minimum_std**2, out=diagonal)
-        fitted = weights @ demonstrations.factors[demonstrations.group].transpose(0, 2, 1)
-        squares = demonstrations.rest + np.square(demonstrations.projected - fitted).sum(axis=2)
-        noise = np.sqrt(squares.sum(axis=0) / demonstrations.lengths.sum())
+        squares = demonstrations.rest.sum(axis=0)
+        for u, R in enumerate(demonstrations.factors):
+            chosen = demonstrations.group == u
+            left = demonstrations.projected[chosen] - weights[chosen] @ R.T
+            squares += np.einsum("ndb,ndb->d", left, left)
+        noise = np.sqrt(squares / demonstrations.lengths.sum())
         return WeightEstimate(weights.mean(axis=0), spread, noise)
+
+
+@lru_cache(maxsize=64)
+def _ridge_inverse(factor: bytes, count: int, penalty: float) -> Array:
+    """Matrix (B, B) from ``Qᵀ y`` to ridge weights, for the R (B, B) that the bytes hold."""
+    R = np.frombuffer(factor).reshape(count, count)
+    # Solved as an augmented least-squares problem: its condition is cond(Φ), not cond(Φ)².
+    root = np.sqrt(penalty * np.square(R).sum() / count)
+    return np.asarray(np.linalg.pinv(np.concatenate((R, root * np.eye(count))))[:, :count])
 
 
 def per_degree(covariance: Array, dimensions: int) -> Array:

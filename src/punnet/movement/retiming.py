@@ -238,10 +238,10 @@ def _timed(
     spline: BSpline, profile: RuckigTrajectory, limits: JointLimits, time_step: float, at_least: float
 ) -> JointTrajectory:
     """Sample the spline along the profile, in the fewest time steps that hold the limits."""
-    wanted = max(profile.duration, at_least)
-    count = max(MINIMUM_STEPS, int(np.ceil(wanted / time_step - 1e-9)))
+    least = max(MINIMUM_STEPS, int(np.ceil(at_least / time_step - 1e-9)))
+    count = max(least, int(np.ceil(profile.duration / time_step)))
     excess = _excess(_sampled(spline, profile, count, time_step, limits), limits)
-    count = max(count if at_least else MINIMUM_STEPS, int(np.ceil(count * excess)))
+    count = max(least, int(np.ceil(count * excess)))
     while True:
         trajectory = _sampled(spline, profile, count, time_step, limits)
         excess = _excess(trajectory, limits)

@@ -75,9 +75,7 @@ class ViaPoint:
             if len(set(chosen)) != len(chosen):
                 raise ConfigurationError(f"via-point: a degree of freedom repeats in {chosen}")
             object.__setattr__(self, "degrees_of_freedom", chosen)
-        object.__setattr__(self, "phase", phase)
-        object.__setattr__(self, "values", values)
-        object.__setattr__(self, "std", std)
+        self.__dict__.update(phase=phase, values=values, std=std)
 
     @classmethod
     def at_time(
