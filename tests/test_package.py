@@ -43,7 +43,8 @@ def test_every_requirement_is_pinned(project) -> None:
     extras = project["project"]["optional-dependencies"]
     assert requirement_names(project["project"]["dependencies"]) <= pinned
     assert requirement_names(extras["train"]) <= pinned
-    assert requirement_names(extras["dev"]) - {"punnet"} <= pinned  # itself, with its extra train
+    assert requirement_names([*extras["ros"], *extras["lerobot"]]) <= pinned
+    assert requirement_names(extras["dev"]) - {"punnet"} <= pinned  # itself, with its extras
 
 
 def test_extras_are_the_promised_ones(project) -> None:

@@ -87,7 +87,7 @@ def _require_rosbags() -> None:
         import rosbags.highlevel  # noqa: F401
     except ImportError as error:
         raise ConfigurationError(
-            "ROS recordings need the package rosbags: pip install 'punnet[demos]'"
+            "ROS recordings need the package rosbags: pip install 'punnet[ros]'"
         ) from error
 
 

@@ -53,7 +53,7 @@ def require_pyarrow(*names: str) -> list[ModuleType]:
     try:
         return [importlib.import_module(name) for name in ("pyarrow", *names)]
     except ImportError as error:
-        raise ConfigurationError("LeRobot data need pyarrow: pip install 'punnet[demos]'") from error
+        raise ConfigurationError("LeRobot data need pyarrow: pip install 'punnet[lerobot]'") from error
 
 
 def feature_names(feature: dict[str, Any], count: int) -> tuple[str, ...]:
