@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -10,6 +11,8 @@ import numpy as np
 import pytest
 
 from punnet.scene import Strawberries
+from tests.perception.toy_detector import write_toy_bundle as write_toy_detector
+from tests.weight.toy_model import write_toy_bundle
 
 
 def test_weighs_the_berry(punnet, frame_options, frame_folder: Path, tmp_path: Path) -> None:
@@ -27,7 +30,74 @@ def test_weighs_the_berry(punnet, frame_options, frame_folder: Path, tmp_path: P
     assert stored.weights[0] == pytest.approx(berries[0]["weight_g"])
     table = punnet("weigh", *frame_options(frame_folder))
     assert "pluckable" in table.out
-    assert f"{berries[0]['weight_g']:.1f}" in table.out
+    assert f"{berries[0]['weight_g']:.1f} ± {(high - low) / 2:.1f}" in table.out
+
+
+def test_the_estimator_is_chosen(punnet, frame_options, frame_folder: Path, tmp_path: Path) -> None:
+    toy = write_toy_bundle(tmp_path / "toy")
+    for estimator, name in ((toy, "toy-scale"), ("ellipsoid", "ellipsoid")):
+        result = punnet("weigh", *frame_options(frame_folder), "--estimator", estimator, "--json")
+        assert result.code == 0, result.err
+        report = json.loads(result.out)
+        assert report["estimator"] == name
+        assert report["berries"][0]["weight_g"] == pytest.approx(16.5, rel=0.25)
+    punnet("weigh", *frame_options(frame_folder), "--estimator", "kitchen").fails_with("kitchen", "neither")
+
+
+@pytest.fixture
+def why(punnet, frame_options, frame_folder: Path, tmp_path: Path) -> Callable[..., str]:
+    """Why the berry, which a detector found that looks at colour alone, is not weighed."""
+    detector = write_toy_detector(tmp_path / "detector")
+
+    def ask(**files: Path) -> str:
+        options = frame_options(frame_folder, **files)
+        out = tmp_path / "weighed"
+        result = punnet("weigh", *options, "--detector", detector, "--out", out, "--json", "--force")
+        assert result.code == 0, result.err
+        (berry,) = json.loads(result.out)["berries"]
+        assert berry["weight_g"] is None
+        assert berry["weight_interval_g"] is None
+        assert (out / "overlay.png").exists()
+        return str(berry["reason"])
+
+    return ask
+
+
+def test_depth_that_tells_nothing(why, frame_folder: Path, tmp_path: Path) -> None:
+    """The berry is there, its weight is not, and it is said why."""
+    path = tmp_path / "depth.png"
+    depth = cv2.imread(str(frame_folder / "depth.png"), cv2.IMREAD_UNCHANGED)
+    for other, word in (
+        (np.zeros_like(depth), "no depth reading"),
+        (depth * 10, "unit"),  # tenths of a millimetre
+        (np.ones_like(depth), "unit"),  # whole metres
+        (np.full_like(depth, 400), "flat"),
+    ):
+        cv2.imwrite(str(path), other)
+        assert word in why(depth=path)
+
+
+def test_millimetres_that_are_called_metres(
+    punnet, frame_options, why, frame_folder: Path, tmp_path: Path
+) -> None:
+    description = json.loads((frame_folder / "camera.json").read_text())
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps(description | {"depth_scale": 1.0}))
+    punnet("weigh", *frame_options(frame_folder, camera=path)).fails_with("depth_scale", "metres per count")
+    path.write_text(json.dumps(description | {"depth_scale": 0.9}))
+    assert "millimetres" in why(camera=path)
+
+
+def test_intrinsics_that_are_missing_or_of_another_resolution(
+    punnet, frame_options, why, frame_folder: Path, tmp_path: Path
+) -> None:
+    description = json.loads((frame_folder / "camera.json").read_text())
+    path = tmp_path / "camera.json"
+    larger = description["camera"] | {"width": 1280, "height": 960}
+    path.write_text(json.dumps(description | {"camera": larger}))
+    punnet("weigh", *frame_options(frame_folder, camera=path)).fails_with("1280×960", "640×480")
+    path.write_text(json.dumps(description | {"camera": None}))
+    assert "intrinsics" in why(camera=path)
 
 
 def test_no_berries_is_no_error(punnet, frame_options, bare_frame_folder: Path) -> None:

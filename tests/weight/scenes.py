@@ -30,7 +30,8 @@ def ellipsoid_scene(
     mask = np.zeros((camera.height, camera.width), dtype=bool)
     # Rays are cast where the ellipsoid can be, not all over the picture.
     reach, nearest = max(half_axes), max(centre[2] - max(half_axes), 0.01)
-    low, high = project(camera, np.array(centre) + [[-reach, -reach, 0], [reach, reach, 0]])
+    corners = np.add(centre, [[-reach, -reach, 0], [reach, reach, 0]])
+    low, high = project(camera, corners)
     grow = (high - low) * (centre[2] / nearest - 1.0 + 0.2) + 2.0
     u0, v0 = np.clip(low - grow, 0, (camera.width, camera.height)).astype(int)
     u1, v1 = np.clip(high + grow, 0, (camera.width, camera.height)).astype(int)
