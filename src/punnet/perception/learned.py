@@ -14,7 +14,7 @@ from punnet.bundle import Bundle, Manifest, load_bundle
 from punnet.errors import BundleError, ConfigurationError
 from punnet.perception.decoding import decode_detections
 from punnet.perception.network import Network
-from punnet.scene import UNPLUCKABLE, Frame, Strawberries
+from punnet.scene import Frame, Strawberries
 
 __all__ = ["DETECTOR_FILE", "DETECTOR_SCHEMA", "MODEL_FILE", "DetectorSettings", "LearnedDetector", "prepare"]
 
@@ -120,13 +120,11 @@ class LearnedDetector:
         Of the bundle: name, licence, results.
     score_threshold
         Score from which detections are given; the bundle's own if None.
-    least_ripeness
-        Berries that look less ripe are unpluckable, whatever class the network gives them.
 
     Raises
     ------
     ConfigurationError
-        If the score threshold or the ripeness is not in [0, 1).
+        If the score threshold is not in [0, 1).
     """
 
     def __init__(
@@ -135,7 +133,6 @@ class LearnedDetector:
         settings: DetectorSettings,
         manifest: Manifest,
         score_threshold: float | None = None,
-        least_ripeness: float = 0.0,
     ) -> None:
         self.settings = settings
         self.manifest = manifest
@@ -143,9 +140,6 @@ class LearnedDetector:
         self.score_threshold = settings.score_threshold if score_threshold is None else score_threshold
         if not 0 <= self.score_threshold < 1:
             raise ConfigurationError(f"detector: score_threshold must lie in [0, 1), got {score_threshold}")
-        if not 0 <= least_ripeness < 1:
-            raise ConfigurationError(f"detector: least_ripeness must lie in [0, 1), got {least_ripeness}")
-        self.least_ripeness = least_ripeness
         self._network = network
 
     @classmethod
@@ -155,7 +149,6 @@ class LearnedDetector:
         *,
         threads: int | None = None,
         score_threshold: float | None = None,
-        least_ripeness: float = 0.0,
     ) -> LearnedDetector:
         """Load a bundle of kind ``detector``.
 
@@ -167,8 +160,6 @@ class LearnedDetector:
             Cores to use; None takes ``OMP_NUM_THREADS``, or all cores if that is not set.
         score_threshold
             Score from which detections are given; the bundle's own if None.
-        least_ripeness
-            Berries that look less ripe are unpluckable, whatever class the network gives them.
 
         Raises
         ------
@@ -183,7 +174,7 @@ class LearnedDetector:
             bundle.read_json(DETECTOR_FILE), where=str(bundle.path(DETECTOR_FILE))
         )
         network = Network(bundle.path(MODEL_FILE), threads)
-        return cls(network, settings, bundle.manifest, score_threshold, least_ripeness)
+        return cls(network, settings, bundle.manifest, score_threshold)
 
     def detect(self, frame: Frame) -> Strawberries:
         """Berries of ``frame``, best first, in its own pixels; depth is not looked at."""
@@ -191,9 +182,7 @@ class LearnedDetector:
         raw = self._network.run(image, self.score_threshold)
         if len(raw) == 0:
             return Strawberries.empty((frame.height, frame.width))
-        found = decode_detections(raw, size, (frame.height, frame.width), self.settings.mask_threshold)
-        ripe_enough = found.ripeness >= self.least_ripeness
-        return found.with_fields(classes=np.where(ripe_enough, found.classes, UNPLUCKABLE))
+        return decode_detections(raw, size, (frame.height, frame.width), self.settings.mask_threshold)
 
 
 def prepare(
