@@ -3,7 +3,14 @@ import pytest
 
 from punnet.errors import ConfigurationError, ShapeError
 from punnet.robot import HOME, Panda
-from punnet.sim.demonstrations import WORKSPACE, Demonstrations, reach_to, simulate_demonstrations
+from punnet.sim.demonstrations import (
+    REACH_LIKE,
+    THESIS_LIKE,
+    WORKSPACE,
+    Demonstrations,
+    reach_to,
+    simulate_demonstrations,
+)
 
 ARM = Panda()
 
@@ -67,6 +74,19 @@ def test_selection(demonstrations: Demonstrations) -> None:
     chosen = demonstrations.select(demonstrations.configuration == 2)
     assert len(chosen) == 5
     np.testing.assert_array_equal(chosen.joints, demonstrations.joints[10:15])
+
+
+def test_spreads_are_about_those_of_the_recordings() -> None:
+    """Standard deviation of the last joints of repeats, against the lab's two sets of demonstrations."""
+    points = np.array([[0.74, 0.05, 0.7], [0.76, -0.1, 0.75], [0.75, -0.05, 0.8], [0.73, 0.0, 0.66]])
+    for style, recorded in (
+        (REACH_LIKE, [0.051, 0.028, 0.081, 0.027, 0.029, 0.071, 0.055]),
+        (THESIS_LIKE, [0.05, 0.11, 0.05, 0.16, 0.10, 0.23, 0.34]),
+    ):
+        ends = reach_to(np.random.default_rng(0), points, 10, 12, style=style).joints[:, -1]
+        spread = ends.reshape(4, 10, 7).std(axis=1).mean(axis=0)
+        assert 0.3 < np.linalg.norm(spread) / np.linalg.norm(recorded) < 4.0
+        assert spread[[0, 2]].max() < 0.15  # the elbow stays where it is
 
 
 def test_reaches_to_given_points() -> None:

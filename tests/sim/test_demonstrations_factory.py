@@ -115,7 +115,15 @@ def test_folders_of_others_are_left_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "settings", [{"configurations": 0}, {"repeats": 0}, {"samples": 1}, {"scene": "triple"}, {"workers": 0}]
+    "settings",
+    [
+        {"configurations": 0},
+        {"repeats": 0},
+        {"samples": 1},
+        {"scene": "triple"},
+        {"spread": "none"},
+        {"workers": 0},
+    ],
 )
 def test_settings_out_of_range(tmp_path: Path, settings: dict[str, int]) -> None:
     with pytest.raises(ConfigurationError, match="demonstrations:"):

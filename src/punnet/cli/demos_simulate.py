@@ -11,7 +11,7 @@ import typer
 from punnet.cli.console import note, print_json, progress_bar, say
 from punnet.cli.options import Force, Json, Seed
 
-__all__ = ["SceneName", "simulate"]
+__all__ = ["SceneName", "Spread", "simulate"]
 
 
 class SceneName(StrEnum):
@@ -19,6 +19,14 @@ class SceneName(StrEnum):
 
     SINGLE = "single"
     MULTI = "multi"
+
+
+class Spread(StrEnum):
+    """How much reaches to the same berry differ."""
+
+    REACH = "reach"
+    THESIS = "thesis"
+    EXPLORING = "exploring"
 
 
 def simulate(
@@ -32,6 +40,13 @@ def simulate(
         SceneName,
         typer.Option("--scene", help="One ripe berry a plant, or several of which each is a target."),
     ] = SceneName.SINGLE,
+    spread: Annotated[
+        Spread,
+        typer.Option(
+            "--spread",
+            help="How repeats differ: as in the 75 real reaches, as in the thesis' 25, or using all of the arm.",
+        ),
+    ] = Spread.REACH,
     seed: Seed = 0,
     workers: Annotated[
         int, typer.Option("--workers", "-j", min=1, help="Processes that work at a time.")
@@ -61,7 +76,7 @@ def simulate(
         say(f"wrote {bundle}; use it with ProMPDepthPlanner.from_bundle('{bundle}')")
         return
     assert out is not None
-    _simulate(out, configs, repeats, scene, seed, workers, force=force, as_json=as_json)
+    _simulate(out, configs, repeats, scene, spread, seed, workers, force=force, as_json=as_json)
 
 
 def _simulate(
@@ -69,6 +84,7 @@ def _simulate(
     configs: int,
     repeats: int,
     scene: SceneName,
+    spread: Spread,
     seed: int,
     workers: int,
     *,
@@ -95,6 +111,7 @@ def _simulate(
             repeats=repeats,
             seed=seed,
             scene=scene.value,
+            spread=spread.value,
             workers=workers,
             force=force,
             progress=show,

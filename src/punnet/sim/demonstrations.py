@@ -20,19 +20,20 @@ from punnet.planning.likely_joints import likely_joints
 from punnet.planning.promp_depth import APPROACH_DISTANCE, APPROACH_PHASE
 from punnet.robot import HOME, Panda
 
-__all__ = ["WORKSPACE", "Demonstrations", "reach_to", "simulate_demonstrations"]
+__all__ = [
+    "EXPLORING",
+    "REACH_LIKE",
+    "THESIS_LIKE",
+    "WORKSPACE",
+    "Demonstrations",
+    "ReachStyle",
+    "reach_to",
+    "simulate_demonstrations",
+]
 
 WORKSPACE: NDArray[np.float64] = np.array([[0.70, -0.22, 0.58], [0.80, 0.18, 0.86]])
 """Lower and upper corner (2, 3) of the box that grip points are drawn from, metres in the base frame."""
 
-ORIENTATION_STD = np.deg2rad([6.0, 3.5, 2.5])  # yaw, pitch, roll of the tool at the berry
-PITCH_RANGE = np.deg2rad([-15.0, 10.0])
-# The posture the arm tends to: how willing each joint is to leave it, how much it differs between reaches.
-POSTURE_COVARIANCE = np.diag(np.square([0.2, 0.4, 0.2, 0.5, 0.3, 0.4, 0.5]))
-POSTURE_STD = np.array([0.06, 0.12, 0.06, 0.15, 0.10, 0.12, 0.15])
-VIA_POSITION_STD = 0.03  # metres
-VIA_ORIENTATION_STD = np.deg2rad(5.0)
-VIA_ELBOW_STD = 0.1  # radians
 VIA_PHASE_RANGE = (0.3, 0.42)
 LIMIT_MARGIN = 0.12  # radians
 SMALLEST_MANIPULABILITY = 0.01
@@ -40,6 +41,68 @@ LARGEST_STEP = 0.06  # radians between neighbours on the approach; more is a cha
 TOOL_SPEED = 0.12  # metres per second on average, which gives a demonstration its duration
 APPROACH_STEPS = 16
 ATTEMPTS = 100
+
+
+@dataclass(frozen=True)
+class ReachStyle:
+    """How much reaches to the same berry differ.
+
+    Parameters
+    ----------
+    orientation_std
+        Yaw, pitch and roll of the tool at the berry, radians.
+    pitch_range
+        Least and greatest pitch, radians.
+    posture_std
+        Of the posture that the arm tends to, each joint in radians: how much the elbow differs.
+    willingness
+        How far each joint leaves that posture for a pose, radians; only ratios count.
+    via_position_std, via_orientation_std, via_elbow_std
+        Of the point on the way, metres and radians.
+    """
+
+    orientation_std: tuple[float, float, float]
+    pitch_range: tuple[float, float]
+    posture_std: tuple[float, ...]
+    willingness: tuple[float, ...]
+    via_position_std: float
+    via_orientation_std: float
+    via_elbow_std: float
+
+
+EXPLORING = ReachStyle(
+    orientation_std=(np.deg2rad(6.0), np.deg2rad(3.5), np.deg2rad(2.5)),
+    pitch_range=(np.deg2rad(-15.0), np.deg2rad(10.0)),
+    posture_std=(0.06, 0.12, 0.06, 0.15, 0.10, 0.12, 0.15),
+    willingness=(0.2, 0.4, 0.2, 0.5, 0.3, 0.4, 0.5),
+    via_position_std=0.03,
+    via_orientation_std=np.deg2rad(5.0),
+    via_elbow_std=0.1,
+)
+"""Uses the arm's freedom, elbow and all: what a primitive that is conditioned on a pose should have seen."""
+
+REACH_LIKE = ReachStyle(
+    orientation_std=(np.deg2rad(1.5), np.deg2rad(3.0), np.deg2rad(3.0)),
+    pitch_range=(np.deg2rad(-20.0), np.deg2rad(5.0)),
+    posture_std=(0.02,) * 7,
+    willingness=(0.1, 0.4, 0.15, 0.5, 0.1, 0.4, 0.5),
+    via_position_std=0.03,
+    via_orientation_std=np.deg2rad(5.0),
+    via_elbow_std=0.05,
+)
+"""Differs about as the repeats behind the lab's 75 real targets: the tool comes in nearly alike."""
+
+THESIS_LIKE = ReachStyle(
+    orientation_std=(np.deg2rad(2.0), np.deg2rad(11.0), np.deg2rad(17.0)),
+    pitch_range=(np.deg2rad(-40.0), np.deg2rad(25.0)),
+    posture_std=(0.0,) * 7,
+    willingness=(0.1, 0.4, 0.1, 0.5, 0.1, 0.4, 1.0),
+    via_position_std=0.03,
+    via_orientation_std=np.deg2rad(5.0),
+    via_elbow_std=0.05,
+)
+"""Differs about as the repeats behind the thesis' own 25 targets: much in pitch and roll. The mean of ten such reaches
+is itself uncertain by some 6°."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +158,7 @@ def simulate_demonstrations(
     *,
     arm: Panda | None = None,
 ) -> Demonstrations:
-    """Demonstrate reaches to random berries.
+    """Demonstrate reaches to random berries, :data:`EXPLORING`.
 
     Parameters
     ----------
@@ -120,7 +183,12 @@ def simulate_demonstrations(
         )
     arm = Panda() if arm is None else arm
     return reach_to(
-        rng, rng.uniform(WORKSPACE[0], WORKSPACE[1], size=(configurations, 3)), repeats, samples, arm=arm
+        rng,
+        rng.uniform(WORKSPACE[0], WORKSPACE[1], size=(configurations, 3)),
+        repeats,
+        samples,
+        style=EXPLORING,
+        arm=arm,
     )
 
 
@@ -130,6 +198,7 @@ def reach_to(
     repeats: int = 10,
     samples: int = 150,
     *,
+    style: ReachStyle = REACH_LIKE,
     arm: Panda | None = None,
 ) -> Demonstrations:
     """Demonstrate reaches to given grip points.
@@ -142,6 +211,8 @@ def reach_to(
         (C, 3) metres in the base frame.
     repeats, samples
         Reaches to each, and instants T of each reach.
+    style
+        How much they differ.
     arm
         The arm with its tool; the Panda with our picker if not given.
 
@@ -155,7 +226,7 @@ def reach_to(
     if centres.ndim != 2 or centres.shape[1] != 3 or not np.isfinite(centres).all():
         raise ShapeError(f"demonstrations: points must be finite (C, 3), got {centres.shape}")
     targets = np.repeat(centres, repeats, axis=0)
-    joints = _reaches(rng, arm, targets, np.linspace(0.0, 1.0, samples))
+    joints = _reaches(rng, arm, style, targets, np.linspace(0.0, 1.0, samples))
     return Demonstrations(
         joints=joints,
         targets=targets,
@@ -165,16 +236,20 @@ def reach_to(
 
 
 def _reaches(
-    rng: np.random.Generator, arm: Panda, targets: NDArray[np.float64], phase: NDArray[np.float64]
+    rng: np.random.Generator,
+    arm: Panda,
+    style: ReachStyle,
+    targets: NDArray[np.float64],
+    phase: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """One reach (T, 7) to each target (n, 3); those that strain the arm are drawn again."""
     reaches = np.zeros((len(targets), len(phase), 7))
     missing = np.arange(len(targets))
     for _ in range(ATTEMPTS):
-        approaches = _approaches(rng, arm, targets[missing])
+        approaches = _approaches(rng, arm, style, targets[missing])
         followed = np.isfinite(approaches).all(axis=(1, 2))
         approaches = approaches[followed]
-        drawn = np.array([_join(rng, arm, approach, phase) for approach in approaches]).reshape(
+        drawn = np.array([_join(rng, arm, style, approach, phase) for approach in approaches]).reshape(
             -1, len(phase), 7
         )
         easy = (arm.manipulability(approaches) > SMALLEST_MANIPULABILITY).all(axis=1)
@@ -190,18 +265,27 @@ def _reaches(
     )
 
 
-def _approaches(rng: np.random.Generator, arm: Panda, targets: NDArray[np.float64]) -> NDArray[np.float64]:
+def _approaches(
+    rng: np.random.Generator, arm: Panda, style: ReachStyle, targets: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Joints (n, S, 7) along straight approaches of random orientation; NaN where the arm can't follow."""
     yaw, pitch = comfortable_angles(targets)
-    noise = rng.normal(0.0, ORIENTATION_STD, (len(targets), 3))
-    rotations = approach_rotation(yaw + noise[:, 0], np.clip(pitch + noise[:, 1], *PITCH_RANGE), noise[:, 2])
+    noise = rng.normal(0.0, style.orientation_std, (len(targets), 3))
+    rotations = approach_rotation(
+        yaw + noise[:, 0], np.clip(pitch + noise[:, 1], *style.pitch_range), noise[:, 2]
+    )
     poses = approach_poses(targets, rotations, np.linspace(APPROACH_DISTANCE, 0.0, APPROACH_STEPS))
-    postures = HOME + rng.normal(0.0, POSTURE_STD, (len(targets), 7))
-    return likely_joints(arm, poses, postures[:, None], POSTURE_COVARIANCE)[0]
+    postures = HOME + rng.normal(0.0, style.posture_std, (len(targets), 7))
+    covariance = np.diag(np.square(style.willingness))
+    return likely_joints(arm, poses, postures[:, None], covariance)[0]
 
 
 def _join(
-    rng: np.random.Generator, arm: Panda, approach: NDArray[np.float64], phase: NDArray[np.float64]
+    rng: np.random.Generator,
+    arm: Panda,
+    style: ReachStyle,
+    approach: NDArray[np.float64],
+    phase: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Reach (T, 7) from home over a random via-point to the approach, which slows down until it stops."""
     along = CubicSpline(
@@ -210,9 +294,9 @@ def _join(
     length = 1.0 - APPROACH_PHASE
     middle = (HOME + approach[0]) / 2.0
     J = arm.jacobian(middle)
-    twist = rng.normal(0.0, np.repeat([VIA_POSITION_STD, VIA_ORIENTATION_STD], 3))
+    twist = rng.normal(0.0, np.repeat([style.via_position_std, style.via_orientation_std], 3))
     inverse = np.linalg.pinv(J, rcond=0.05)
-    elbow = (np.eye(7) - inverse @ J) @ rng.normal(0.0, VIA_ELBOW_STD, 7)
+    elbow = (np.eye(7) - inverse @ J) @ rng.normal(0.0, style.via_elbow_std, 7)
     via_phase = rng.uniform(*VIA_PHASE_RANGE)
     entry_rate = along(0.0, 1) * 2.0 / length  # share covered is 1 − ((1 − z)/length)²
     free = CubicSpline(

@@ -21,7 +21,7 @@ from punnet.errors import ConfigurationError
 from punnet.geometry import quaternion_from_rotation
 from punnet.outputs import Interrupted
 from punnet.robot import Panda
-from punnet.sim.demonstrations import reach_to
+from punnet.sim.demonstrations import EXPLORING, REACH_LIKE, THESIS_LIKE, ReachStyle, reach_to
 from punnet.sim.demonstrations_folder import FolderOfReaches
 from punnet.sim.demonstrations_scene import (
     SCENES,
@@ -33,7 +33,10 @@ from punnet.sim.demonstrations_scene import (
 )
 from punnet.sim.panda_robot import WRIST_CAMERA
 
-__all__ = ["DemonstrationReport", "simulate_demonstration_set"]
+__all__ = ["SPREADS", "DemonstrationReport", "simulate_demonstration_set"]
+
+SPREADS: dict[str, ReachStyle] = {"reach": REACH_LIKE, "thesis": THESIS_LIKE, "exploring": EXPLORING}
+"""How much reaches to the same berry differ, by name."""
 
 GENERATOR = 1
 """Raised whenever the same seed gives other bytes."""
@@ -71,6 +74,7 @@ def simulate_demonstration_set(
     repeats: int = 10,
     seed: int = 0,
     scene: SceneKind = "single",
+    spread: str = "reach",
     samples: int = 150,
     workers: int = 1,
     force: bool = False,
@@ -90,6 +94,8 @@ def simulate_demonstration_set(
         Plants of different seeds are different, and so are their group names.
     scene
         A kind of :data:`~punnet.sim.demonstrations_scene.SCENES`.
+    spread
+        How much reaches to the same berry differ, a name in :data:`SPREADS`.
     samples
         Instants of each reach.
     workers
@@ -108,19 +114,27 @@ def simulate_demonstration_set(
     Interrupted
         By Ctrl-C; finished plants are kept, and gone on from when it is started again.
     """
-    if min(configurations, repeats, workers) < 1 or samples < 2 or seed < 0 or scene not in SCENES:
+    if (
+        min(configurations, repeats, workers) < 1
+        or samples < 2
+        or seed < 0
+        or scene not in SCENES
+        or spread not in SPREADS
+    ):
         raise ConfigurationError(
-            f"demonstrations: configurations, repeats and workers must be ≥ 1, samples ≥ 2, seed ≥ 0 and scene "
-            f"one of {', '.join(SCENES)}; got {configurations}, {repeats}, {workers}, {samples}, {seed}, {scene!r}"
+            f"demonstrations: configurations, repeats and workers must be ≥ 1, samples ≥ 2, seed ≥ 0, scene one of "
+            f"{', '.join(SCENES)} and spread one of {', '.join(SPREADS)}; got {configurations}, {repeats}, {workers}, "
+            f"{samples}, {seed}, {scene!r}, {spread!r}"
         )
     settings: dict[str, Any] = {
         "command": f"punnet demos simulate --configs {configurations} --repeats {repeats} --seed {seed} "
-        f"--scene {scene}",
+        f"--scene {scene} --spread {spread}",
         "generator": GENERATOR,
         "configurations": configurations,
         "repeats": repeats,
         "seed": seed,
         "scene": scene,
+        "spread": spread,
         "samples": samples,
     }
     place = FolderOfReaches(Path(folder).expanduser().absolute(), settings)
@@ -191,7 +205,8 @@ def _episodes(
 ) -> list[dict[str, Any]]:
     """Photograph and reach for each target as often as asked for; the episodes' entries of the shard."""
     settings, arm = place.settings, Panda()
-    reaches = reach_to(rng, scene.grip_points, settings["repeats"], settings["samples"], arm=arm)
+    style = SPREADS[settings["spread"]]
+    reaches = reach_to(rng, scene.grip_points, settings["repeats"], settings["samples"], style=style, arm=arm)
     group = f"plant-{settings['seed']}-{plant}"
     entries = []
     for number in range(len(reaches)):

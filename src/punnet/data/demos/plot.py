@@ -63,9 +63,12 @@ def draw_demonstrations(demonstrations: DemonstrationSet, path: str | Path, *, f
             unit = "rad" if space == "joints" else "m" if number < 3 else ""
             axes.set_title(f"{name} [{unit}]" if unit else name, fontsize=8)
             axes.tick_params(labelsize=6)
-    half = columns // 2
-    _draw_photograph(figure.add_subplot(grid[len(spaces), :half]), demonstrations, colours)
-    _draw_ends(figure.add_subplot(grid[len(spaces), half:]), demonstrations, colours)
+    bottom, third = len(spaces), max(1, columns // 3)
+    shown = list(demonstrations.groups.values())[:2]
+    for number, indices in enumerate(shown):
+        axes = figure.add_subplot(grid[bottom, number * third : (number + 1) * third])
+        _draw_photograph(axes, demonstrations.subset(indices), colours)
+    _draw_ends(figure.add_subplot(grid[bottom, len(shown) * third :]), demonstrations, colours)
     count = f"{len(demonstrations)} episodes, {len(demonstrations.targets)} targets"
     figure.suptitle(f"{demonstrations.name}: {count}", fontsize=10)
     buffer = io.BytesIO()
@@ -110,23 +113,21 @@ def _draw_coordinate(
     axes.set_xlabel("time [s]" if clocks == {"seconds"} else "phase", fontsize=6)
 
 
-def _draw_photograph(axes: Axes, demonstrations: DemonstrationSet, colours: dict[str, Any]) -> None:
-    """The first photograph that can be read, with the boxes of its scene."""
+def _draw_photograph(axes: Axes, scene: DemonstrationSet, colours: dict[str, Any]) -> None:
+    """The first photograph of a scene that can be read, with the boxes of its targets."""
     axes.set_axis_off()
-    for episode in demonstrations:
+    for episode in scene:
         if episode.home is None:
             continue
         try:
             axes.imshow(episode.home.rgb())
         except PunnetError:
             continue
-        group = demonstrations.groups.get(episode.group or episode.target_id, [])
-        shown: set[str] = set()
-        for other in (demonstrations[index] for index in group):
-            if other.target is not None and other.target_id not in shown:
-                shown.add(other.target_id)
-                _draw_box(axes, other.target.box, colours[other.target_id])
-        axes.set_title(f"{episode.group or episode.id}: {len(shown)} targets", fontsize=8)
+        boxes = {other.target_id: other.target.box for other in scene if other.target is not None}
+        for name, box in boxes.items():
+            _draw_box(axes, box, colours[name])
+        plural = "" if len(boxes) == 1 else "s"
+        axes.set_title(f"{episode.group or episode.id}: {len(boxes)} target{plural}", fontsize=8)
         return
     axes.text(0.5, 0.5, "no photograph", ha="center", va="center", fontsize=9)
 

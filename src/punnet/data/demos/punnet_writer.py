@@ -61,7 +61,6 @@ def describe_episodes(
         "schema": SCHEMA,
         "punnet": punnet.__version__,
         "complete": True,
-        "name": demonstrations.name,
         "joint_names": list(demonstrations.joint_names),
         "info": _plain(demonstrations.info),
         "episodes": [
