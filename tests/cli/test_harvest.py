@@ -42,7 +42,7 @@ def test_output_is_checked_before_anything_is_grown(
         ("benchmark", "harvest", "--clusters", "0"),
         ("benchmark", "harvest", "--workers", "none"),
         ("demos", "simulate"),
-        ("demos", "simulate", "--bundle", "x", "--configs", "1"),
+        ("demos", "simulate", "--bundle", "x", "--configs", "0"),
     ],
     ids=" ".join,
 )

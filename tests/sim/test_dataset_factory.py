@@ -79,12 +79,12 @@ def test_an_interrupted_run_goes_on_and_ends_in_the_same_bytes(made, tmp_path, m
     make = dataset_factory._make_plant
     calls = []
 
-    def interrupted(place, seed, plant, views):
+    def interrupted(place, seed, protocol, plant, views):
         calls.append(plant)
         if len(calls) == 2:
             (tmp_path / "set" / "rgb" / ".000001-far.jpg.1").write_bytes(b"half")
             raise KeyboardInterrupt
-        return make(place, seed, plant, views)
+        return make(place, seed, protocol, plant, views)
 
     monkeypatch.setattr(dataset_factory, "_make_plant", interrupted)
     with pytest.raises(KeyboardInterrupt):

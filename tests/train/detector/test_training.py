@@ -197,7 +197,8 @@ def test_training_ends_early_and_validation_is_told(images: Path, tmp_path: Path
 
 
 def test_ctrl_c_says_what_is_kept(images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    handler = signal.getsignal(signal.SIGINT)
+    # Where the tests run in the background, Ctrl-C is ignored; here it is not.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     whole = Samples.__getitem__
 
     def pressed(samples: Samples, index: int) -> Any:
@@ -207,11 +208,14 @@ def test_ctrl_c_says_what_is_kept(images: Path, tmp_path: Path, monkeypatch: pyt
 
     monkeypatch.setattr(Samples, "__getitem__", pressed)
     run = run_of(tmp_path / "run", images)
-    with pytest.raises(Interrupted) as caught:
-        train_detector(CONFIG, small_training(steps=20), run)
+    try:
+        with pytest.raises(Interrupted) as caught:
+            train_detector(CONFIG, small_training(steps=20), run)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert caught.value.kept == run.folder / "checkpoints" / "last.ckpt"
     assert caught.value.kept.is_file()
-    assert signal.getsignal(signal.SIGINT) is handler
 
 
 def test_what_is_exported_is_the_average(straight: Path) -> None:
