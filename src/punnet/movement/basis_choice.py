@@ -76,7 +76,7 @@ class BasisChoice:
 
 
 def choose_basis(
-    demonstrations: Sequence[ArrayLike], *, counts: Sequence[int] = COUNTS, tolerance: float = 0.02
+    demonstrations: Sequence[ArrayLike], *, counts: Sequence[int] = COUNTS, tolerance: float = 0.015
 ) -> BasisChoice:
     """Fewest well-conditioned basis functions that reproduce every degree of freedom.
 

@@ -78,7 +78,7 @@ def condition_on_via_points(
         cross = np.matmul(rows, covariance.reshape(D, B, D * B)).reshape(-1, D * B)
         innovation = (cross.reshape(-1, B) @ rows.T).reshape(len(cross), -1)
         values = np.array([point.values for point in via_points]).T
-        noise = _variances(via_points).reshape(-1, D).T.ravel()
+        noise = _variances_by_degree(via_points, D)
         residual = (values - mean @ rows.T).ravel()
         quick = _condition_quickly(
             mean.ravel(), covariance, cross, innovation, residual, noise, D * float(np.vdot(rows, rows))
@@ -183,14 +183,16 @@ def observe(
     matrix = np.zeros((len(owner), dimensions, basis.count))
     matrix[np.arange(len(owner)), np.concatenate(degrees)] = rows[owner]
     values = np.concatenate([point.values for point in via_points])
-    return matrix.reshape(len(owner), -1), values, _variances(via_points)
+    variances = np.concatenate([point.variances for point in via_points])
+    return matrix.reshape(len(owner), -1), values, variances
 
 
-def _variances(via_points: Sequence[ViaPoint]) -> Array:
-    stds = [point.std for point in via_points if isinstance(point.std, float)]
-    if len(stds) == len(via_points):
-        return np.repeat(np.square(stds), [len(point.values) for point in via_points])
-    return np.concatenate([point.variances for point in via_points])
+def _variances_by_degree(via_points: Sequence[ViaPoint], dimensions: int) -> Array:
+    """Noise variances (D·P,) of via-points for all degrees of freedom, degree by degree."""
+    squares = [point.std * point.std for point in via_points if isinstance(point.std, float)]
+    if len(squares) == len(via_points):
+        return np.array(squares * dimensions)
+    return np.stack([point.variances for point in via_points], axis=1).ravel()
 
 
 def _basis_rows(via_points: Sequence[ViaPoint], basis: GaussianBasis) -> Array:

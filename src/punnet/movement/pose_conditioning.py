@@ -30,7 +30,6 @@ ITERATIONS = 100
 LARGEST_STEP = 0.5  # of a coordinate; beyond it the linearisation is not to be trusted
 SHORTEST = 1e-3  # share of a step below which nothing is gained
 CONVERGED = 1e-7
-SETTLED = 1e-3  # a search that still moves by more at its end has found nothing
 MET = 1e-6  # metres and radians by which an exact pose may be missed
 CORRECTIONS = 4
 
@@ -103,7 +102,8 @@ def condition_on_poses(
     Returns
     -------
     TrajectoryDistribution
-        Its mean meets exact poses to 1e-6 m and rad; its covariance is that of the last linearisation.
+        Its mean meets exact poses to 1e-6 m and rad; its covariance is that of the last linearisation. Joint
+        limits are not looked at: :func:`~punnet.movement.retime` refuses a path that leaves them.
 
     Raises
     ------
@@ -121,13 +121,13 @@ def condition_on_poses(
     if not poses:
         return distribution.condition(via_points)
     problem = _Problem.of(distribution, kinematics, poses, via_points)
-    u, spread, size = _search(problem)
-    if problem.missed(u) > MET or size > SETTLED:
+    u = _search(problem)
+    if problem.missed(u) > MET:
         raise KinematicsError(
             f"{problem.worst(u)}: it is out of reach or contradicts another via-point; give a std, another "
             "pose, or broaden the distribution"
         )
-    covariance = problem.root @ spread @ problem.root.T
+    covariance = problem.root @ problem.update(u)[1] @ problem.root.T
     return distribution._with_weights(
         problem.weights(u).reshape(distribution.weight_mean.shape),
         (covariance + covariance.T) / 2.0,
@@ -135,10 +135,10 @@ def condition_on_poses(
     )
 
 
-def _search(problem: _Problem) -> tuple[Array, Array, float]:
-    """Most likely whitened weights u (N,), their covariance, and by how much the last step moved a joint."""
+def _search(problem: _Problem) -> Array:
+    """Most likely whitened weights u (N,) among those that meet what was asked, if there are any."""
     u = np.zeros(problem.root.shape[1])
-    price, size = 0.0, math.inf
+    price = 0.0
     for _ in range(ITERATIONS):
         target, _, multiplier = problem.update(u)
         step = target - u
@@ -153,8 +153,11 @@ def _search(problem: _Problem) -> tuple[Array, Array, float]:
             break
         u = u + share * step
     for _ in range(CORRECTIONS):
-        u = u + problem.correction(u)
-    return u, problem.update(u)[1], size
+        corrected = u + problem.correction(u)
+        if problem.missed(corrected) >= problem.missed(u):
+            break
+        u = corrected
+    return u
 
 
 @dataclass(frozen=True, eq=False)

@@ -65,9 +65,9 @@ def reduce_demonstrations(
         members = [np.array([n]) for n in range(len(lengths))]
         grids = [_factored(basis.phi(z)) for z in phases]
     else:
-        sampled, group = np.unique(lengths, return_inverse=True)
-        members = [np.flatnonzero(group == u) for u in range(len(sampled))]
-        grids = [_even_grid(basis, T) if T <= CACHED_SAMPLES else _even(basis, T) for T in sampled.tolist()]
+        sampled = sorted(set(lengths.tolist()))
+        members = [np.flatnonzero(lengths == T) for T in sampled]
+        grids = [_even_grid(basis, T) if T <= CACHED_SAMPLES else _even(basis, T) for T in sampled]
     N, D, B = len(demonstrations), demonstrations[0].shape[1], basis.count
     group = np.empty(N, dtype=np.int64)
     projected, rest = np.zeros((N, D, B)), np.empty((N, D))
