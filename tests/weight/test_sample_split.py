@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from punnet.errors import ConfigurationError
-from punnet.weight.sample_split import part_of, split_groups
-from punnet.weight.samples import MissedBerry, WeightSamples
+from punnet.weight.sample_split import PARTS, images_of_part, part_of, split_groups
+from punnet.weight.samples import MissedBerry, WeightSamples, collect_samples
 from tests.train.weight.domes import dome
+from tests.weight.weighed import weighed_dataset
 
 
 def samples(count: int, views: int = 3) -> WeightSamples:
@@ -67,3 +69,13 @@ def test_impossible_shares_are_refused(shares: tuple[float, float], said: str) -
 def test_too_few_plants_are_refused() -> None:
     with pytest.raises(ConfigurationError, match="too few"):
         split_groups(samples(1))
+
+
+def test_the_images_of_a_part_are_those_of_its_samples(tmp_path: Path) -> None:
+    dataset = weighed_dataset(tmp_path, [0.012 + 0.0003 * number for number in range(16)])
+    parts = {name: [image.group for image in images_of_part(dataset, name)] for name in PARTS}
+    assert sorted(str(group) for name in ("test", "validation", "train") for group in parts[name]) == sorted(
+        str(image.group) for image in dataset
+    )
+    assert parts["test"] == list(split_groups(collect_samples(dataset), validation=0.0).test.groups)
+    assert len(parts["all"]) == 16

@@ -9,7 +9,7 @@ import typer
 
 from punnet.cli.console import note, print_json, print_table, progress_bar, say
 from punnet.cli.options import Json
-from punnet.errors import ConfigurationError
+from punnet.errors import ConfigurationError, FileFormatError
 
 if TYPE_CHECKING:
     from punnet.data import Dataset
@@ -110,18 +110,23 @@ def _evaluate(
 ) -> tuple[WeightEvaluation, int]:
     from punnet.perception.choosing import load_detector
     from punnet.weight.evaluation import evaluate_weights, weigh_samples
-    from punnet.weight.sample_split import part_of
+    from punnet.weight.sample_split import images_of_part
     from punnet.weight.samples import collect_samples
 
     detector = None if masks == TRUTH else load_detector(masks)
-    with progress_bar(f"looking at berries, masks of {masks}", len(dataset)) as advance:
-        samples = collect_samples(dataset, detector=detector, progress=advance)
+    images = images_of_part(dataset, part)
+    with progress_bar(f"looking at berries, masks of {masks}", len(images)) as advance:
+        samples = collect_samples(images, detector=detector, progress=advance)
     for line in samples.skipped:
         note(f"left out: {line}")
-    chosen = part_of(samples, part)
-    estimates = weigh_samples(weigher, chosen)
+    if not len(samples):
+        raise FileFormatError(
+            f"{dataset.name}: no berry of known weight that can be seen in its part '{part}'; see --part"
+        )
     told = dataset.name if part == "all" else f"{dataset.name}, {part}"
-    evaluation = evaluate_weights(chosen, estimates, estimator=name, data=told, masks=masks)
+    evaluation = evaluate_weights(
+        samples, weigh_samples(weigher, samples), estimator=name, data=told, masks=masks
+    )
     return evaluation, len(samples.skipped)
 
 

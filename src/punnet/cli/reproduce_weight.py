@@ -74,7 +74,8 @@ def fig_4_12(
         write_figure,
     )
     from punnet.train.weight.registry import MODELS
-    from punnet.weight.choosing import SHIPPED_ESTIMATOR, load_weight_estimator
+    from punnet.weight.choosing import load_weight_estimator
+    from punnet.weight.sample_split import images_of_part
 
     names = models or list(MODELS)
     if unknown := sorted({*names, *(short or [])} - MODELS.keys()):
@@ -82,8 +83,9 @@ def fig_4_12(
     claim_folder(out)
     place = _simulated(out, seed, QUICK_IMAGES if quick else None) if data is None else data
     dataset = read_dataset(place)
-    samples = {TRUTH: _samples(dataset, None)} | {name: _samples(dataset, name) for name in detectors or []}
-    shipped = {manifest.name for manifest in list_bundles()} & {SHIPPED_ESTIMATOR}
+    tested = images_of_part(dataset, "test")
+    samples = {TRUTH: _samples(dataset, None)} | {name: _samples(tested, name) for name in detectors or []}
+    shipped = [manifest.name for manifest in list_bundles() if manifest.kind == "weight"]
     figure = reproduce_figure_4_12(
         samples,
         data=dataset.name,

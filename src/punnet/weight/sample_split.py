@@ -5,10 +5,19 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, replace
 
+from punnet.data.dataset import Dataset
 from punnet.errors import ConfigurationError
-from punnet.weight.samples import WeightSamples
+from punnet.weight.samples import WeightSamples, plant_of
 
-__all__ = ["PARTS", "TEST_SHARE", "VALIDATION_SHARE", "WeightSplit", "part_of", "split_groups"]
+__all__ = [
+    "PARTS",
+    "TEST_SHARE",
+    "VALIDATION_SHARE",
+    "WeightSplit",
+    "images_of_part",
+    "part_of",
+    "split_groups",
+]
 
 TEST_SHARE, VALIDATION_SHARE = 0.2, 0.1
 """Of the plants, on average; the same everywhere, so that no model is tested on a plant that another has learnt from."""
@@ -46,7 +55,7 @@ def split_groups(
         raise ConfigurationError(
             f"split: test and validation must be shares that leave some to train on, got {test}, {validation}"
         )
-    bounds = {"test": (0.0, test), "validation": (test, test + validation), "train": (test + validation, 1.0)}
+    bounds = _bounds(test, validation)
     parts = {name: _between(samples, seed, *limits) for name, limits in bounds.items()}
     if empty := [name for name, (low, high) in bounds.items() if high > low and not len(parts[name])]:
         raise ConfigurationError(
@@ -64,13 +73,37 @@ def part_of(samples: WeightSamples, part: str) -> WeightSamples:
     ConfigurationError
         If there is no such part, or nothing in it.
     """
-    if part not in PARTS:
-        raise ConfigurationError(f"no part '{part}' of a data set; there are {', '.join(PARTS)}")
+    _require_part(part)
     if part == "all":
         return samples
     chosen = getattr(split_groups(samples), part)
     assert isinstance(chosen, WeightSamples)
     return chosen
+
+
+def images_of_part(dataset: Dataset, part: str) -> Dataset:
+    """The images whose plants are in a part, so that no others need be looked at.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such part.
+    """
+    _require_part(part)
+    if part == "all":
+        return dataset
+    low, high = _bounds(TEST_SHARE, VALIDATION_SHARE)[part]
+    places = [_place(plant_of(image), 0) for image in dataset]
+    return dataset.subset(index for index, place in enumerate(places) if low <= place < high)
+
+
+def _require_part(part: str) -> None:
+    if part not in PARTS:
+        raise ConfigurationError(f"no part '{part}' of a data set; there are {', '.join(PARTS)}")
+
+
+def _bounds(test: float, validation: float) -> dict[str, tuple[float, float]]:
+    return {"test": (0.0, test), "validation": (test, test + validation), "train": (test + validation, 1.0)}
 
 
 def _between(samples: WeightSamples, seed: int, low: float, high: float) -> WeightSamples:

@@ -24,6 +24,7 @@ __all__ = [
     "WeightSamples",
     "collect_samples",
     "join_samples",
+    "plant_of",
 ]
 
 LEAST_OVERLAP = 0.5
@@ -153,7 +154,7 @@ def collect_samples(
     return WeightSamples(
         observations=tuple(seen for seen, _, _ in rows),
         grams=np.array([annotation.weight for annotation in annotations], dtype=np.float64),
-        groups=tuple(_group(image) for _, image, _ in rows),
+        groups=tuple(plant_of(image) for _, image, _ in rows),
         occlusion=np.array([annotation.occlusion for annotation in annotations], dtype=np.float64),
         distance=np.array([np.median(seen.cloud[:, 2]) for seen, _, _ in rows], dtype=np.float64),
         image=np.array([image.id for _, image, _ in rows], dtype=np.int64),
@@ -185,14 +186,15 @@ def join_samples(parts: Sequence[WeightSamples]) -> WeightSamples:
     )
 
 
-def _group(image: AnnotatedImage) -> str:
+def plant_of(image: AnnotatedImage) -> str:
+    """Name of an image's plant: its group, or a name of its own."""
     return image.group or f"image-{image.id}"
 
 
 def _missed(reason: str, image: AnnotatedImage, index: int) -> MissedBerry:
     annotation = image.annotations[index]
     return MissedBerry(
-        reason, annotation.weight, _group(image), annotation.occlusion, image.id, annotation.id
+        reason, annotation.weight, plant_of(image), annotation.occlusion, image.id, annotation.id
     )
 
 
