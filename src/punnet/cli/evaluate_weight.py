@@ -170,6 +170,14 @@ def _print(evaluation: WeightEvaluation) -> None:
             f"{100 * evaluation.nominal:.0f}% intervals hold the true weight, by weight: "
             + ", ".join(f"{band} {c.inside:.0f}%" for band, c in evaluation.coverage_by_weight.items())
         )
+    if evaluation.whole.errors.missing:
+        weighed = evaluation.whole.pcw_weighed
+        say(
+            f"of the {evaluation.whole.errors.count} with an estimate: "
+            + ", ".join(
+                f"{weighed[tolerance]:.1f}% within {100 * tolerance:.0f}%" for tolerance in PCW_TOLERANCES
+            )
+        )
     for reason, count in evaluation.refused.items():
         say(f"without an estimate, counted as wrong: {count} berries: {reason}")
 

@@ -31,6 +31,13 @@ def fig_4_12(
             show_default=False,
         ),
     ] = None,
+    extra: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--extra",
+            help="Images of other plants, from which models that learn fast (forests, shape) learn besides.",
+        ),
+    ] = None,
     models: Annotated[
         list[str] | None, typer.Option("--model", "-m", help="Only this model; may be given more than once.")
     ] = None,
@@ -61,7 +68,7 @@ def fig_4_12(
     """
     from time import monotonic
 
-    from punnet.cli.train_weight import need_training
+    from punnet.cli.train_weight import collect, need_training
 
     need_training()
     from punnet.bundle import list_bundles
@@ -94,6 +101,8 @@ def fig_4_12(
         quick=list(MODELS) if quick else short or [],
         models=names,
         bundles={f"{name}, as shipped": load_weight_estimator(name) for name in shipped},
+        extra=collect(extra) if extra else None,
+        extra_data=[Path(source).name for source in extra or []],
         progress=whisper,
         clock=monotonic,
     )

@@ -90,6 +90,8 @@ class EvaluatedPart:
         Which: ``all``, ``free``, ``occluded``, ``near``, ``middle``, ``far``.
     pcw
         Percentage of correct weights by tolerance, of all berries: one without an estimate counts as wrong.
+    pcw_weighed
+        The same of those that have an estimate; NaN for none.
     errors
         Over the berries that have an estimate.
     coverage
@@ -98,6 +100,7 @@ class EvaluatedPart:
 
     name: str
     pcw: dict[float, float]
+    pcw_weighed: dict[float, float]
     errors: WeightErrors
     coverage: Coverage | None
 
@@ -185,6 +188,7 @@ def evaluate_weights(
         EvaluatedPart(
             name=name,
             pcw=percent_correct_weight(true[chosen], told[chosen]),
+            pcw_weighed=_pcw_weighed(true[chosen], told[chosen]),
             errors=weight_errors(true[chosen], told[chosen]),
             coverage=_coverage(true[chosen], told[chosen], intervals[chosen]) if has_intervals else None,
         )
@@ -240,6 +244,13 @@ def _parts(
         yield name, np.asarray((distance >= near) & (distance < far))
 
 
+def _pcw_weighed(true: NDArray[np.float64], told: NDArray[np.float64]) -> dict[float, float]:
+    known = np.isfinite(told)
+    if not known.any():
+        return dict.fromkeys(PCW_TOLERANCES, math.nan)
+    return percent_correct_weight(true[known], told[known])
+
+
 def _coverage(
     true: NDArray[np.float64], told: NDArray[np.float64], intervals: NDArray[np.float64]
 ) -> Coverage:
@@ -264,7 +275,8 @@ def _band(low: float, high: float) -> str:
 def _part_json(part: EvaluatedPart) -> dict[str, Any]:
     return _plain(
         {
-            "pcw": {f"{tolerance:.2f}": part.pcw[tolerance] for tolerance in PCW_TOLERANCES},
+            "pcw": _pcw_json(part.pcw),
+            "pcw_weighed": _pcw_json(part.pcw_weighed),
             "mape": part.errors.mean_percentage,
             "rmse_g": part.errors.root_mean_square,
             "bias_g": part.errors.bias,
@@ -273,6 +285,10 @@ def _part_json(part: EvaluatedPart) -> dict[str, Any]:
             "interval": None if part.coverage is None else _plain(asdict(part.coverage)),
         }
     )
+
+
+def _pcw_json(pcw: dict[float, float]) -> dict[str, Any]:
+    return _plain({f"{tolerance:.2f}": value for tolerance, value in pcw.items()})
 
 
 def _plain(values: dict[str, Any]) -> dict[str, Any]:

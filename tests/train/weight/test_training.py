@@ -141,7 +141,8 @@ def test_figure_4_12_has_a_row_a_model_and_says_what_failed(tmp_path: Path) -> N
     assert figure.rows[0].seconds == 1.0
     table = table_4_12(figure)
     assert table.rows[0][0] == "Random forest"
-    assert table.rows[0][1].endswith("/ 28.3")
+    assert table.rows[0][2].endswith("/ 28.3")
+    assert table.rows[0][1] == str(figure.rows[0].learnt)
     seen, missed = (figure.rows[0].evaluations[name].whole for name in ("truth", "eyes"))
     assert missed.pcw[0.30] < seen.pcw[0.30], "berries that the detector misses count as wrong"
     write_figure(figure, tmp_path / "figure")

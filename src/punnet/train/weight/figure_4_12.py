@@ -36,6 +36,8 @@ class FigureRow:
         In the registry, or of a bundle; and as the figure prints it.
     evaluations
         By whose masks were weighed: ``truth``, or a detector's name.
+    learnt
+        Berries that it learnt from, views counted; None for a bundle.
     thesis
         Percentage of correct weights by tolerance, as far as the thesis gives it.
     seconds
@@ -45,6 +47,7 @@ class FigureRow:
     name: str
     title: str
     evaluations: Mapping[str, WeightEvaluation]
+    learnt: int | None
     thesis: Mapping[float, float]
     seconds: float
 
@@ -76,6 +79,7 @@ class Figure412:
                 {
                     "name": row.name,
                     "title": row.title,
+                    "learnt_berries": row.learnt,
                     "seconds": None if math.isnan(row.seconds) else round(row.seconds, 1),
                     "thesis": {f"{tolerance:.2f}": value for tolerance, value in row.thesis.items()},
                     "evaluations": {masks: found.to_json() for masks, found in row.evaluations.items()},
@@ -109,6 +113,8 @@ def reproduce_figure_4_12(
     quick: Sequence[str] = (),
     models: Sequence[str] = tuple(MODELS),
     bundles: Mapping[str, Any] | None = None,
+    extra: WeightSamples | None = None,
+    extra_data: Sequence[str] = (),
     progress: Tell,
     clock: Callable[[], float],
 ) -> Figure412:
@@ -130,6 +136,8 @@ def reproduce_figure_4_12(
         Names of the registry.
     bundles
         Estimators to show besides, by title.
+    extra, extra_data
+        Other plants, and names of their sets: learnt from besides by models that learn fast.
     progress
         Told how it goes.
     clock
@@ -138,14 +146,13 @@ def reproduce_figure_4_12(
     rows, failed = [], {}
     tests = {masks: part_of(seen, "test") for masks, seen in samples.items()}
 
-    def row(name: str, title: str, weigher: Any, thesis: Mapping[float, float], seconds: float) -> FigureRow:
-        evaluations = {
+    def measured(name: str, weigher: Any) -> dict[str, WeightEvaluation]:
+        return {
             masks: evaluate_weights(
                 test, weigh_samples(weigher, test), estimator=name, data=f"{data}, test", masks=masks
             )
             for masks, test in tests.items()
         }
-        return FigureRow(name, title, evaluations, thesis, seconds)
 
     for name in models:
         try:
@@ -161,22 +168,38 @@ def reproduce_figure_4_12(
                 folder=folder / MODELS_FOLDER / name,
                 seed=seed,
                 progress=progress,
+                extra=extra if spec.learns_fast else None,
+                extra_data=extra_data if spec.learns_fast else (),
             )
+            seconds = clock() - begun
+            learnt = run.settings["berries"]["train"] + run.settings["berries"]["validation"]
             title = f"{spec.title}, short training" if short else spec.title
-            rows.append(row(name, title, run.model(), spec.thesis, clock() - begun))
+            rows.append(FigureRow(name, title, measured(name, run.model()), learnt, spec.thesis, seconds))
         except PunnetError as error:
             failed[name] = str(error)
             progress(f"{name} left out: {error}")
     for title, estimator in (bundles or {}).items():
-        rows.append(row(estimator.name, title, estimator, {}, math.nan))
-    settings = {"data": data, "seed": seed, "models": list(models), "quick": list(quick)}
+        found = measured(estimator.name, estimator)
+        rows.append(FigureRow(estimator.name, title, found, None, {}, math.nan))
+    settings = {
+        "data": data,
+        "extra": list(extra_data),
+        "seed": seed,
+        "models": list(models),
+        "quick": list(quick),
+    }
     return Figure412(tuple(rows), failed, settings)
 
 
 def table_4_12(figure: Figure412) -> MarkdownTable:
     """Percentage of correct weights by tolerance, ours / the thesis', and the error, of all masks."""
     masks = list(figure.rows[0].evaluations) if figure.rows else []
-    columns = ("model", *(f"PCW@{tolerance:.2f}" for tolerance in PCW_TOLERANCES), "MAPE")
+    columns = (
+        "model",
+        "berries learnt from",
+        *(f"PCW@{tolerance:.2f}" for tolerance in PCW_TOLERANCES),
+        "MAPE",
+    )
     columns += tuple(f"PCW@0.20, masks of {name}" for name in masks if name != TRUTH)
     rows = []
     for row in figure.rows:
@@ -184,7 +207,7 @@ def table_4_12(figure: Figure412) -> MarkdownTable:
         cells = [_beside(truth.pcw[tolerance], row.thesis.get(tolerance)) for tolerance in PCW_TOLERANCES]
         cells.append(f"{truth.errors.mean_percentage:.1f}%")
         cells += [f"{row.evaluations[name].whole.pcw[0.20]:.1f}" for name in masks if name != TRUTH]
-        rows.append((row.title, *cells))
+        rows.append((row.title, NOTHING if row.learnt is None else str(row.learnt), *cells))
     return MarkdownTable("4.12", columns, tuple(rows))
 
 

@@ -112,7 +112,7 @@ def weight_graph(weight: TreeSum, spread: TreeSum | None, *, features: int, base
     Parameters
     ----------
     weight
-        Says the logarithm of (grams / the base column); grams if there is none.
+        Says the logarithm of (grams / the base column), of grams if there is none.
     spread
         Says the logarithm of the relative error that is expected; 1 for every berry if None.
     features
@@ -123,15 +123,14 @@ def weight_graph(weight: TreeSum, spread: TreeSum | None, *, features: int, base
     import onnx
     from onnx import TensorProto, helper
 
-    nodes, constants = [_ensemble(weight, "said")], []
-    if base is None:
-        nodes.append(helper.make_node("Identity", ["said"], [GRAMS_OUTPUT]))
-    else:
+    factor = GRAMS_OUTPUT if base is None else "factor"
+    nodes = [_ensemble(weight, "said"), helper.make_node("Exp", ["said"], [factor])]
+    constants = []
+    if base is not None:
         constants.append(helper.make_tensor("column", TensorProto.INT64, [1], [base]))
         nodes += [
             helper.make_node("Gather", [FEATURES_INPUT, "column"], ["base"], axis=1),
-            helper.make_node("Exp", ["said"], ["factor"]),
-            helper.make_node("Mul", ["base", "factor"], [GRAMS_OUTPUT]),
+            helper.make_node("Mul", ["base", factor], [GRAMS_OUTPUT]),
         ]
     if spread is None:
         constants.append(helper.make_tensor("zero", TensorProto.FLOAT, [1], [0.0]))
