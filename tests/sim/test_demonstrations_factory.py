@@ -13,6 +13,8 @@ from punnet.outputs import Interrupted
 from punnet.robot import HOME, PANDA_LIMITS, Panda
 from punnet.sim.demonstrations_factory import simulate_demonstration_set
 from punnet.sim.demonstrations_scene import grow_scene, photograph_scene
+from punnet.sim.truth import true_picking_points
+from punnet.sim.world import WorldConfig, build_world
 
 ARM = Panda()
 
@@ -129,6 +131,16 @@ def test_settings_out_of_range(tmp_path: Path, settings: dict[str, int]) -> None
     with pytest.raises(ConfigurationError, match="demonstrations:"):
         simulate_demonstration_set(tmp_path / "out", **settings)  # type: ignore[arg-type]
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_single_plant_has_one_ripe_berry_in_the_whole_world(seed: int) -> None:
+    scene = grow_scene(np.random.default_rng([0, seed]), "single")
+    world = build_world(scene.world_seed, WorldConfig(cluster=scene.config, arm_visuals=False))
+    ripe = [berry.index for berry in world.cluster.berries if berry.berry.stage.pluckable]
+    assert ripe == scene.berries.ids[scene.targets].tolist()
+    assert len(world.cluster.berries) > 1
+    np.testing.assert_allclose(true_picking_points(world)[ripe], scene.grip_points)
 
 
 def test_a_plant_with_several_targets() -> None:

@@ -133,8 +133,8 @@ def _lay_out(rng: np.random.Generator, kind: SceneKind, targets: int) -> tuple[i
         seed = int(rng.integers(2**31))
         # build_world draws the plant first, so it grows this very cluster
         cluster = grow_cluster(np.random.default_rng(seed), config)
-        ripe = _reachable(cluster)
-        if ripe is not None and (ripe == 1 if kind == "single" else ripe >= targets):
+        ripe, in_reach = _ripe(cluster)
+        if in_reach >= targets and (kind == "multi" or ripe == 1):
             return seed, config
     raise ConfigurationError(f"demonstrations: no {kind} plant has ripe berries in reach; report the seed")
 
@@ -165,13 +165,11 @@ def _multi(rng: np.random.Generator) -> ClusterConfig:
     )
 
 
-def _reachable(cluster: Cluster) -> int | None:
-    """Number of ripe berries, None if there are none in the workspace or one hangs outside it."""
-    ripe = [berry.T_base_berry[:3, 3] for berry in cluster.berries if berry.berry.stage.pluckable]
-    if not ripe:
-        return None
-    inside = (np.stack(ripe) > WORKSPACE[0]) & (np.stack(ripe) < WORKSPACE[1])
-    return int(inside.all(axis=1).sum()) if len(ripe) > 1 or inside.all() else None
+def _ripe(cluster: Cluster) -> tuple[int, int]:
+    """Number of ripe berries, and of those that hang in the workspace."""
+    calyxes = [berry.T_base_berry[:3, 3] for berry in cluster.berries if berry.berry.stage.pluckable]
+    inside = [((place > WORKSPACE[0]) & (place < WORKSPACE[1])).all() for place in calyxes]
+    return len(inside), int(sum(inside))
 
 
 def _seen(seed: int, config: ClusterConfig, gl_context: Any) -> DemonstrationScene | None:
