@@ -196,6 +196,7 @@ class Ours:
         self.results = {
             "ridge": ProMP(basis, Ridge(shrinkage=0.0)).fit(shown).weight_mean,
             "em": em.fit(shown),
+            "shrunk": ridge.fit(shown),
             "exact": prior.condition([ViaPoint(phase, values) for phase, values in via]),
             "noisy": prior.condition([ViaPoint(phase, values, std=VIA_STD) for phase, values in via]),
         }
@@ -283,6 +284,9 @@ def correctness(
         ),
         "EM, log-likelihood of an unseen reach, ours": float(
             np.mean([em.log_likelihood(values) for values in data["unseen"]])
+        ),
+        "ridge, log-likelihood of an unseen reach, ours": float(
+            np.mean([ours.results["shrunk"].log_likelihood(values) for values in data["unseen"]])
         ),
         "EM, log-likelihood of an unseen reach, movement-primitives": float(
             np.mean([other.log_likelihood(values) for values in data["unseen"]])

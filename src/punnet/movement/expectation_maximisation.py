@@ -37,7 +37,8 @@ class ExpectationMaximisation:
         on nothing.
     covariance_strength
         Demonstrations that the prior covariance counts for, ≥ 0: ``Σ = (s Σ₀ + Σ_n E[…]) / (s + N)``, the mode
-        under an inverse Wishart. With 0 and few demonstrations the covariance collapses.
+        under an inverse Wishart. With little of it and few demonstrations the covariance collapses; the default
+        makes unseen reaches likely from 10 demonstrations to 100 (seven joints, eight weights each).
     mean_strength
         Demonstrations that the prior mean counts for, ≥ 0; needs a ``prior``.
     noise_std
@@ -56,7 +57,7 @@ class ExpectationMaximisation:
     """
 
     prior: TrajectoryDistribution | None = None
-    covariance_strength: float = 1.0
+    covariance_strength: float = 30.0
     mean_strength: float = 0.0
     noise_std: float = 1e-4
     noise_strength: float = 1.0
