@@ -98,6 +98,22 @@ def test_an_interrupted_run_goes_on_and_ends_in_the_same_bytes(made, tmp_path, m
     assert digest(tmp_path / "set") == digest(folder)
 
 
+def test_dataset_1_is_a_set_of_its_own_that_only_itself_goes_on_with(made, tmp_path):
+    folder, _, _ = made
+    report = simulate_dataset(tmp_path / "first", images=3, seed=11, protocol="dataset-1")
+    assert report.images == 3
+    data = json.loads((tmp_path / "first" / "annotations.json").read_text())
+    assert {image["group"] for image in data["images"]} == {"set-11-0"}
+    assert data["info"]["protocol"] == "dataset-1"
+    assert any(annotation["category_id"] == 1 for annotation in data["annotations"])
+    others = {a["weight_g"] for a in json.loads((folder / "annotations.json").read_text())["annotations"]}
+    assert not others & {annotation["weight_g"] for annotation in data["annotations"]}
+    unfinished = json.loads((tmp_path / "first" / "data.json").read_text()) | {"complete": False}
+    (tmp_path / "first" / "data.json").write_text(json.dumps(unfinished))
+    with pytest.raises(OutputExistsError, match="protocol 'dataset-1'"):
+        simulate_dataset(tmp_path / "first", images=3, seed=11)
+
+
 def test_a_complete_set_is_not_made_again_unless_forced(made, monkeypatch):
     folder, _, _ = made
     before = digest(folder)
@@ -126,7 +142,9 @@ def test_a_foreign_folder_is_left_alone_even_when_forced(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "settings", [{"images": 0}, {"workers": 0}, {"seed": -1}, {"backend": "threads"}], ids=str
+    "settings",
+    [{"images": 0}, {"workers": 0}, {"seed": -1}, {"backend": "threads"}, {"protocol": "dataset-9"}],
+    ids=str,
 )
 def test_bad_settings_are_named(tmp_path, settings):
     with pytest.raises(ConfigurationError, match="simulate"):
