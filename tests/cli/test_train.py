@@ -69,6 +69,9 @@ def test_train_bundle_detect(punnet, images: Path, config: Path, tmp_path: Path)
         (["--data", "SET", "--config", "BAD"], 1, "no field stepps"),
         (["--data", "SET", "--steps", "0"], 2, "--steps"),
         (["--data", "SET", "--start", "SET/0.png"], 1, "not a checkpoint"),
+        (["--data", "SET", "--start", "nowhere"], 1, "neither a checkpoint nor a detector's bundle: nowhere"),
+        (["--data", "SET", "--start", "sim-fast"], 1, "holds another network (channels 64, not 8"),
+        (["--data", "SET,ignore=blue"], 1, "no stage 'blue'; there are green"),
         ([], 2, "--data"),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -135,6 +136,25 @@ def test_one_berry_as_both_classes_is_kept_as_the_better() -> None:
     # A small berry before a large one shares its place, not its pixels.
     assert without_duplicates([block(10, 10, 40, 40), block(10, 10, 25, 25)], both[:2]).tolist() == [0, 1]
     assert without_duplicates([block(0, 0, 0, 0), block(5, 5, 3, 3)], both[:2]).tolist() == [1]
+
+
+def test_an_unsure_berry_may_be_either_class(rng: np.random.Generator) -> None:
+    one = random_detections(rng, 8)[np.arange(4)]
+    raw = RawDetections(**{name: getattr(one, name)[[0, 0, 1, 1]] for name in vars(one)})
+    raw = replace(
+        raw,
+        boxes=np.repeat(np.array([[100, 100, 180, 180], [300, 100, 380, 180]], np.float32), 2, axis=0),
+        regions=np.repeat(np.array([[90, 90, 190, 190], [290, 90, 390, 190]], np.float32), 2, axis=0),
+        scores=np.array([0.9, 0.6, 0.4, 0.3], np.float32),
+        labels=np.array([PLUCKABLE, UNPLUCKABLE, PLUCKABLE, UNPLUCKABLE]),
+    )
+    assert decode_detections(raw, SIZE, SIZE, 0.5).scores.tolist() == pytest.approx([0.9, 0.4])
+    found = decode_detections(raw, SIZE, SIZE, 0.5, 0.5)
+    assert found.scores.tolist() == pytest.approx([0.9, 0.4, 0.3])
+    assert found.classes.tolist() == [PLUCKABLE, PLUCKABLE, UNPLUCKABLE]
+    assert found.masks is not None
+    assert found.masks.any(axis=(1, 2)).all()
+    assert len(decode_detections(raw, SIZE, SIZE, 0.5, 0.95)) == 4
 
 
 def test_results_hold_what_a_container_of_berries_promises(rng: np.random.Generator) -> None:

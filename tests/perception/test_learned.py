@@ -90,9 +90,14 @@ def test_the_score_threshold_is_the_bundles_unless_said(bundle: Path) -> None:
     frame = Frame(photograph())
     assert len(LearnedDetector.from_bundle(bundle, score_threshold=0.89).detect(frame)) == 1
     assert len(LearnedDetector.from_bundle(bundle, score_threshold=0.95).detect(frame)) == 0
+    unsure = LearnedDetector.from_bundle(bundle, score_threshold=0.95, unsure_score=0.89)
+    assert unsure.detect(frame).scores.tolist() == pytest.approx([0.9], abs=0.01)
+    assert unsure.score_threshold == 0.95
     assert LearnedDetector.from_bundle(load_bundle(bundle)).score_threshold == SETTINGS.score_threshold
     with pytest.raises(ConfigurationError, match="score_threshold"):
         LearnedDetector.from_bundle(bundle, score_threshold=1.5)
+    with pytest.raises(ConfigurationError, match="unsure_score"):
+        LearnedDetector.from_bundle(bundle, unsure_score=-0.1)
 
 
 def test_images_are_padded_right_and_below() -> None:

@@ -26,7 +26,8 @@ __all__ = ["read_source", "register"]
 
 DATA_HELP = (
     "A labelled set: a file or folder that punnet data can read, then if wanted: weight=2 (drawn twice as often), "
-    "scale=0.5-1.2 (sizes it is shown in), split=LIST.json:train, all behind commas. May be given more than once."
+    "scale=0.5-1.2 (sizes it is shown in), split=LIST.json:train, ignore=overripe+rotten (stages that are neither "
+    "taught nor held against it), all behind commas. May be given more than once."
 )
 
 
@@ -62,7 +63,11 @@ def detector(
         str | None, typer.Option("--validation", help="A labelled set to validate on, like --data.")
     ] = None,
     start: Annotated[
-        Path | None, typer.Option("--start", help="Checkpoint of another run to start from.")
+        str | None,
+        typer.Option(
+            "--start",
+            help="What to start from: a model's name (see punnet models) or folder, or a run's checkpoint.",
+        ),
     ] = None,
     steps: Annotated[int | None, typer.Option("--steps", min=1, help="In place of the config's.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="In place of the config's.")] = None,
@@ -148,7 +153,7 @@ def bundle(
 
 
 def read_source(text: str) -> Source:
-    """A source from ``PATH[,weight=…][,scale=a-b][,split=FILE:part]``.
+    """A source from ``PATH[,weight=…][,scale=a-b][,split=FILE:part][,ignore=stage+stage]``.
 
     Raises
     ------
@@ -170,7 +175,8 @@ def read_source(text: str) -> Source:
             values[name] = read(value)
         except ValueError as error:
             raise ConfigurationError(
-                f"--data {text}: {option}: {error}; give weight=2, scale=0.5-1.2 or split=LIST.json:train"
+                f"--data {text}: {option}: {error}; give weight=2, scale=0.5-1.2, split=LIST.json:train or "
+                "ignore=overripe"
             ) from error
     return Source(Path(path), **values)
 
@@ -197,10 +203,21 @@ def _listed(text: str) -> tuple[str | int, ...]:
     return tuple(parts[part])
 
 
+def _stages(text: str) -> tuple[str, ...]:
+    """Stages of ripeness from ``a+b``."""
+    from punnet.data.dataset import STAGES
+
+    stages = tuple(text.split("+"))
+    if unknown := sorted(set(stages) - set(STAGES)):
+        raise ValueError(f"no stage '{unknown[0]}'; there are {', '.join(STAGES)}")
+    return stages
+
+
 SOURCE_OPTIONS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "weight": ("weight", float),
     "scale": ("scale", _range),
     "split": ("images", _listed),
+    "ignore": ("ignored", _stages),
 }
 
 

@@ -84,7 +84,7 @@ def decode_heatmaps(heatmaps: NDArray[np.float32], regions: NDArray[np.float32])
 
 def without_duplicates(patches: list[Patch], labels: NDArray[np.int64]) -> NDArray[np.int64]:
     """Rows to keep, best first: none that is empty, or of another class and nearly the same pixels as a better one."""
-    areas = np.array([patch.area for patch in patches], dtype=np.int64)
+    areas = _areas(patches)
     kept: list[int] = []
     for i in np.flatnonzero(areas > 0):
         rivals = (
@@ -97,8 +97,23 @@ def without_duplicates(patches: list[Patch], labels: NDArray[np.int64]) -> NDArr
     return np.array(kept, dtype=np.int64)
 
 
+def _rows(patches: list[Patch], raw: RawDetections, unsure_below: float) -> NDArray[np.int64]:
+    """Rows to keep: the sure ones without duplicates, and all unsure ones that are not empty."""
+    sure = int(np.count_nonzero(raw.scores >= unsure_below))
+    unsure = sure + np.flatnonzero(_areas(patches[sure:]) > 0)
+    return np.concatenate((without_duplicates(patches[:sure], raw.labels[:sure]), unsure))
+
+
+def _areas(patches: list[Patch]) -> NDArray[np.int64]:
+    return np.array([patch.area for patch in patches], dtype=np.int64)
+
+
 def decode_detections(
-    raw: RawDetections, network_size: tuple[int, int], frame_size: tuple[int, int], mask_threshold: float
+    raw: RawDetections,
+    network_size: tuple[int, int],
+    frame_size: tuple[int, int],
+    mask_threshold: float,
+    unsure_below: float = 0.0,
 ) -> Strawberries:
     """Berries in the frame's own pixels.
 
@@ -112,6 +127,9 @@ def decode_detections(
         (H, W) of the frame.
     mask_threshold
         Probability above which a pixel belongs to the berry.
+    unsure_below
+        Detections with a lower score are kept beside one of another class on the same pixels: average precision, which
+        takes each class for itself, wants a berry's second-best class too.
     """
     factor = np.array([frame_size[1] / network_size[1], frame_size[0] / network_size[0]])
     # Masks and key-points are measured from pixel to pixel, boxes from edge to edge.
@@ -120,7 +138,7 @@ def decode_detections(
         paste_mask(mask, region, frame_size, mask_threshold)
         for mask, region in zip(raw.masks, regions, strict=True)
     ]
-    rows = _fitting(without_duplicates(patches, raw.labels), frame_size)
+    rows = _fitting(_rows(patches, raw, unsure_below), frame_size)
     raw = raw[rows]
     masks = np.zeros((len(rows), *frame_size), dtype=np.bool_)
     for mask, row in zip(masks, rows, strict=True):

@@ -185,9 +185,8 @@ def prepare_detector(
     if source == COLOUR:
         detector, own = load_detector(source, colour=colour), colour.score
     else:
-        detector = load_detector(source, score_threshold=UNSURE_SCORE)
-        assert isinstance(detector, LearnedDetector)
-        own = detector.settings.score_threshold
+        detector = LearnedDetector.from_bundle(source, score_threshold=score, unsure_score=UNSURE_SCORE)
+        own = detector.score_threshold
     return detector, EvaluationSettings(ScoreSettings(), own if score is None else score)
 
 

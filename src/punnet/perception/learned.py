@@ -120,11 +120,14 @@ class LearnedDetector:
         Of the bundle: name, licence, results.
     score_threshold
         Score from which detections are given; the bundle's own if None.
+    unsure_score
+        Score from which unsure detections follow the others, for measuring average precision: of these, a berry may
+        have one of either class. None for none.
 
     Raises
     ------
     ConfigurationError
-        If the score threshold is not in [0, 1).
+        If a score is not in [0, 1).
     """
 
     def __init__(
@@ -133,13 +136,16 @@ class LearnedDetector:
         settings: DetectorSettings,
         manifest: Manifest,
         score_threshold: float | None = None,
+        unsure_score: float | None = None,
     ) -> None:
         self.settings = settings
         self.manifest = manifest
         self.name = manifest.name
         self.score_threshold = settings.score_threshold if score_threshold is None else score_threshold
-        if not 0 <= self.score_threshold < 1:
-            raise ConfigurationError(f"detector: score_threshold must lie in [0, 1), got {score_threshold}")
+        self.unsure_score = self.score_threshold if unsure_score is None else unsure_score
+        for name in ("score_threshold", "unsure_score"):
+            if not 0 <= getattr(self, name) < 1:
+                raise ConfigurationError(f"detector: {name} must lie in [0, 1), got {getattr(self, name)}")
         self._network = network
 
     @classmethod
@@ -149,6 +155,7 @@ class LearnedDetector:
         *,
         threads: int | None = None,
         score_threshold: float | None = None,
+        unsure_score: float | None = None,
     ) -> LearnedDetector:
         """Load a bundle of kind ``detector``.
 
@@ -158,8 +165,8 @@ class LearnedDetector:
             The bundle, its folder, or the name of one that comes with the package.
         threads
             Cores to use; None takes ``OMP_NUM_THREADS``, or all cores if that is not set.
-        score_threshold
-            Score from which detections are given; the bundle's own if None.
+        score_threshold, unsure_score
+            See the class.
 
         Raises
         ------
@@ -174,15 +181,17 @@ class LearnedDetector:
             bundle.read_json(DETECTOR_FILE), where=str(bundle.path(DETECTOR_FILE))
         )
         network = Network(bundle.path(MODEL_FILE), threads)
-        return cls(network, settings, bundle.manifest, score_threshold)
+        return cls(network, settings, bundle.manifest, score_threshold, unsure_score)
 
     def detect(self, frame: Frame) -> Strawberries:
         """Berries of ``frame``, best first, in its own pixels; depth is not looked at."""
         image, size = prepare(frame.rgb, self.settings.longest_side, self.settings.stride)
-        raw = self._network.run(image, self.score_threshold)
+        raw = self._network.run(image, min(self.score_threshold, self.unsure_score))
         if len(raw) == 0:
             return Strawberries.empty((frame.height, frame.width))
-        return decode_detections(raw, size, (frame.height, frame.width), self.settings.mask_threshold)
+        return decode_detections(
+            raw, size, (frame.height, frame.width), self.settings.mask_threshold, self.score_threshold
+        )
 
 
 def prepare(

@@ -190,3 +190,19 @@ def test_light_changes_values_and_nothing_else(rng: np.random.Generator) -> None
         mean = one[red].mean(axis=0)
         assert mean[0] > mean[1] + 30
         assert mean[0] > mean[2] + 30
+
+
+def test_stronger_light_spreads_exposure_and_saturation_further() -> None:
+    image = np.full((40, 40, 3), (110, 70, 60), dtype=np.uint8)
+
+    def spreads(strength: float) -> tuple[float, float]:
+        rng = np.random.default_rng(3)
+        changed = [change_light(rng, image, strength).astype(float) for _ in range(150)]
+        shade = [np.log(one.mean()) for one in changed]
+        redness = [one[..., 0].mean() / one.mean() for one in changed]
+        return float(np.std(shade)), float(np.std(redness))
+
+    still, usual, strong = spreads(0.0), spreads(1.0), spreads(2.0)
+    assert max(still) < 0.02
+    for one, other in zip(usual, strong, strict=True):
+        assert 1.6 * one < other < 2.5 * one

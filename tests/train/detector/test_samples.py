@@ -57,6 +57,28 @@ def test_a_crowd_is_ignored(image: AnnotatedImage) -> None:
     np.testing.assert_array_equal(labels.ignored, first.box[None])
 
 
+def test_berries_of_stages_that_are_left_out_are_ignored(tmp_path: Path) -> None:
+    folder = write_set(tmp_path / "set", images=4)
+    everything = open_sources([Source(folder)])[0]
+    stages = {a.stage for image in everything.images for a in image.annotations}
+    assert stages == {"ripe", "green"}
+    training = small_training(crop=(96, 128))
+    whole = Source(folder, scale=(1.0, 1.0))
+    taught = Samples(open_sources([whole]), training)
+    partly = Samples(open_sources([replace(whole, ignored=("green",))]), training)
+    ripe = 0
+    for k in range(12):
+        (image, targets), (again, fewer) = taught[k], partly[k]
+        if torch.equal(image, again):  # what is left in view decides where the crop lies
+            green = int((targets["labels"] == 2).sum())
+            assert (fewer["labels"] == 1).all()
+            assert len(fewer["boxes"]) == len(targets["boxes"]) - green
+            assert len(fewer["ignored"]) == len(targets["ignored"]) + green
+        ripe += len(fewer["boxes"])
+        assert not (fewer["labels"] == 2).any()
+    assert ripe > 0
+
+
 def test_hidden_may_be_hidden_by_anything_where_the_set_does_not_tell(image: AnnotatedImage) -> None:
     codes = np.array([0, 1, 2, 2, 2])
     first = image.annotations[0]

@@ -191,15 +191,26 @@ def _tight_box(
     return np.concatenate((low, high))
 
 
-def change_light(rng: np.random.Generator, image: Image) -> Image:
-    """Exposure, contrast, saturation, colour temperature, a little blur, noise and JPEG; hue hardly: it is ripeness."""
+def change_light(rng: np.random.Generator, image: Image, strength: float = 1.0) -> Image:
+    """Exposure, contrast, saturation, colour temperature, a little blur, noise and JPEG; hue hardly: it is ripeness.
+
+    Parameters
+    ----------
+    rng
+        Draws the changes.
+    image
+        (H, W, 3) RGB.
+    strength
+        Factor of the spreads of exposure, contrast, saturation and temperature. At 1 the exposure varies by a fifth
+        or so, as one camera's does; at 2 by a half, as between cameras and farms.
+    """
     values = image.astype(np.float32)
-    gains = float(np.exp(rng.normal(0.0, 0.18))) * np.exp(rng.normal(0.0, 0.05, 3))
+    gains = float(np.exp(rng.normal(0.0, 0.18 * strength))) * np.exp(rng.normal(0.0, 0.05 * strength, 3))
     values = values * gains.astype(np.float32)
     mean = values.mean()
-    values = (values - mean) * np.float32(np.exp(rng.normal(0.0, 0.15))) + mean
+    values = (values - mean) * np.float32(np.exp(rng.normal(0.0, 0.15 * strength))) + mean
     grey = values.mean(axis=2, keepdims=True)
-    values = (values - grey) * np.float32(np.exp(rng.normal(0.0, 0.15))) + grey
+    values = (values - grey) * np.float32(np.exp(rng.normal(0.0, 0.15 * strength))) + grey
     if rng.random() < 0.3:
         values = cv2.GaussianBlur(values, (0, 0), float(rng.uniform(0.4, 1.4)))
     if rng.random() < 0.4:

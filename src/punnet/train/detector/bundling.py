@@ -75,7 +75,8 @@ def bundle_run(
     folder
         Where the bundle goes.
     name, terms, results
-        For the manifest.
+        For the manifest. Where ``terms`` restricts nothing or cites nothing, the restriction and the citation of the
+        bundle that the run started from are kept.
     command
         How the model was trained; by default told from the run's settings.
     force
@@ -90,6 +91,7 @@ def bundle_run(
     """
     settings = _settings_of(run)
     OutputFolder(folder, force=force, marker=MANIFEST_FILE).require_replaceable()
+    terms = _kept_terms(terms, settings.get("start"))
     network = network_of_checkpoint(run / CHECKPOINTS / LAST)
     with tempfile.TemporaryDirectory() as scratch:
         path = Path(scratch) / MODEL_FILE
@@ -108,6 +110,17 @@ def bundle_run(
             results=results,
             force=force,
         )
+
+
+def _kept_terms(terms: Terms, start: object) -> Terms:
+    """Terms with what the bundle that a run started from restricts, and asks to be cited."""
+    if not isinstance(start, dict):
+        return terms
+    return replace(
+        terms,
+        restriction=terms.restriction or str(start.get("restriction", "")),
+        citation=terms.citation or str(start.get("citation", "")),
+    )
 
 
 def _settings_of(run: Path) -> dict[str, Any]:

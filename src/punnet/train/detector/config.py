@@ -171,12 +171,16 @@ class Source:
         Least and most factor by which its images are resized before the crop is cut.
     images
         File names, or ids, of the images to use; None for all.
+    ignored
+        Stages of ripeness whose berries are neither taught nor held against the network: those that another set
+        names differently.
     """
 
     path: Path
     weight: float = 1.0
     scale: tuple[float, float] = (0.7, 1.4)
     images: tuple[str | int, ...] | None = None
+    ignored: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.weight) and self.weight > 0):
@@ -209,6 +213,9 @@ class DetectorTraining:
         Validations without a better mask AP after which training ends early; 0 for never.
     precision
         Lightning's.
+    light
+        How strongly exposure, contrast, saturation and colour temperature are changed: 1 for one camera, 2 for a model
+        that is to work with cameras and on farms that it was not trained on.
     seed
         Of everything drawn.
     """
@@ -223,6 +230,7 @@ class DetectorTraining:
     averaging: float = 0.998
     validate_every: int = 500
     patience: int = 0
+    light: float = 1.0
     precision: Precision = "32-true"
     seed: int = 0
     loss: LossWeights = field(default_factory=LossWeights)
@@ -231,7 +239,7 @@ class DetectorTraining:
         _require_positive(
             self,
             "training",
-            but={"averaging", "weight_decay", "warm_up", "backbone_rate", "patience", "seed"},
+            but={"averaging", "weight_decay", "warm_up", "backbone_rate", "patience", "light", "seed"},
         )
         sides = [side for side in self.crop if isinstance(side, int) and side % 32 == 0 and side >= 64]
         if len(self.crop) != 2 or len(sides) != 2:

@@ -18,11 +18,13 @@ from punnet.train.detector.network import BerryDetector
 if TYPE_CHECKING:
     import onnx
 
-__all__ = ["INPUTS", "OUTPUTS", "OnnxGraph", "export_onnx", "halve", "rounded"]
+__all__ = ["INPUTS", "OUTPUTS", "OnnxGraph", "export_onnx", "halve", "rounded", "weights_of_onnx"]
 
 OPSET = 17
 TRACED = (128, 160)  # any size does: none is kept
 LEAST_HALVED = 64
+OWNER = "network."  # how OnnxGraph calls the network, before each name
+HALF = "_half"  # behind the name of a weight that is stored in half precision
 INPUTS = ["image", "score_threshold"]
 OUTPUTS = ["boxes", "scores", "labels", "regions", "masks", "heatmaps", "visibility", "ripeness"]
 
@@ -124,10 +126,30 @@ def halve(model: onnx.ModelProto) -> None:
         if tensor.data_type != TensorProto.FLOAT or not _is_halved(tensor.dims):
             stored.append(tensor)
             continue
-        name = f"{tensor.name}_half"
+        name = f"{tensor.name}{HALF}"
         stored.append(numpy_helper.from_array(numpy_helper.to_array(tensor).astype(np.float16), name))
         casts.append(helper.make_node("Cast", [name], [tensor.name], to=TensorProto.FLOAT))
     nodes = casts + list(graph.node)
     del graph.initializer[:], graph.node[:]
     graph.initializer.extend(stored)
     graph.node.extend(nodes)
+
+
+def weights_of_onnx(path: Path) -> dict[str, Tensor]:
+    """The weights that :func:`export_onnx` wrote, by the names they have in the network, in single precision.
+
+    The exporter stores equal arrays once; the other names are then those of ``Identity`` nodes.
+    """
+    import onnx
+    from onnx import numpy_helper
+
+    graph = onnx.load(str(path)).graph
+    arrays = {t.name.removesuffix(HALF): numpy_helper.to_array(t) for t in graph.initializer}
+    for node in graph.node:
+        if node.op_type == "Identity" and node.input[0] in arrays:
+            arrays[node.output[0]] = arrays[node.input[0]]
+    return {
+        name.removeprefix(OWNER): torch.from_numpy(np.array(array, dtype=np.float32))
+        for name, array in arrays.items()
+        if name.startswith(OWNER)
+    }

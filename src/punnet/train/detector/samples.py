@@ -70,9 +70,12 @@ def open_sources(sources: Sequence[Source]) -> list[OpenSource]:
     return opened
 
 
-def labels_of(image: AnnotatedImage, *, tells_what_hides: bool = True) -> Labels:
-    """The annotations of an image as arrays; crowds become ignored areas."""
-    annotations = [a for a in image.annotations if not a.crowd]
+def labels_of(
+    image: AnnotatedImage, *, tells_what_hides: bool = True, ignored_stages: Sequence[str] = ()
+) -> Labels:
+    """The annotations of an image as arrays; crowds, and berries of the stages given, become ignored areas."""
+    left_out = [a.crowd or a.stage in ignored_stages for a in image.annotations]
+    annotations = [a for a, out in zip(image.annotations, left_out, strict=True) if not out]
     masks = np.zeros((len(annotations), image.height, image.width), dtype=np.uint8)
     has_mask = np.zeros(len(annotations), dtype=np.bool_)
     for row, mask in enumerate(image.masks(annotations)):
@@ -93,7 +96,9 @@ def labels_of(image: AnnotatedImage, *, tells_what_hides: bool = True) -> Labels
         keypoints=points,
         allowed=allowed,
         ripeness=np.array([a.ripeness for a in annotations], dtype=np.float64),
-        ignored=np.array([a.box for a in image.annotations if a.crowd], dtype=np.float64).reshape(-1, 4),
+        ignored=np.array(
+            [a.box for a, out in zip(image.annotations, left_out, strict=True) if out], dtype=np.float64
+        ).reshape(-1, 4),
     )
 
 
@@ -138,11 +143,13 @@ class Samples(TorchDataset[tuple[Tensor, dict[str, Tensor]]]):
         rng = np.random.default_rng([self.training.seed, index])
         opened = self.sources[int(rng.choice(len(self.sources), p=self.shares))]
         image = opened.images[int(rng.integers(len(opened.images)))]
-        labels = labels_of(image, tells_what_hides=opened.tells_what_hides)
+        labels = labels_of(
+            image, tells_what_hides=opened.tells_what_hides, ignored_stages=opened.source.ignored
+        )
         pixels, labels = random_view(
             rng, read_image(image.path), labels, self.training.crop, opened.source.scale
         )
-        pixels = change_light(rng, pixels)
+        pixels = change_light(rng, pixels, self.training.light)
         return torch.from_numpy(pixels.transpose(2, 0, 1).copy()), to_targets(labels)
 
 

@@ -32,6 +32,7 @@ from punnet.train.detector.callbacks import SCORES_FILE, Tell, Validation, progr
 from punnet.train.detector.config import DetectorConfig, DetectorTraining, Source, config_to_json
 from punnet.train.detector.module import VALIDATED, DetectorModule
 from punnet.train.detector.samples import Draws, OpenSource, Samples, collate, open_sources
+from punnet.train.detector.starting import describe_start, load_weights
 
 __all__ = [
     "CHECKPOINTS",
@@ -39,7 +40,6 @@ __all__ = [
     "LAST",
     "TrainingRun",
     "last_scores",
-    "load_weights",
     "train_detector",
 ]
 
@@ -63,7 +63,8 @@ class TrainingRun:
     validation_images
         At most so many of its images, the first.
     start
-        Checkpoint of another run whose weights this one starts from.
+        Whose weights this run starts from: another's checkpoint, a bundle's folder, or the name of one that comes with
+        the package.
     processes
         That train together (DDP, gloo).
     threads
@@ -78,7 +79,7 @@ class TrainingRun:
     sources: tuple[Source, ...]
     validation: Source | None = None
     validation_images: int = 60
-    start: Path | None = None
+    start: str | Path | None = None
     processes: int = 1
     threads: int | None = None
     loaders: int = 1
@@ -156,23 +157,6 @@ def last_scores(folder: Path) -> dict[str, float]:
     return scores
 
 
-def load_weights(module: DetectorModule, checkpoint: Path) -> None:
-    """Take over the weights of a checkpoint, the averaged ones if it has them.
-
-    Raises
-    ------
-    ConfigurationError
-        If it is not a checkpoint of the same network.
-    """
-    try:
-        stored: dict[str, Any] = torch.load(checkpoint, map_location="cpu", weights_only=True)
-        module.load_state_dict(stored["state_dict"])
-    except Exception as error:  # damaged files make torch.load raise almost anything
-        raise ConfigurationError(
-            f"{checkpoint}: not a checkpoint of this detector ({str(error).splitlines()[0]})"
-        ) from error
-
-
 def _say_nothing(line: str) -> None:
     """Where nobody listens."""
 
@@ -200,7 +184,7 @@ def _settings(config: DetectorConfig, training: DetectorTraining, run: TrainingR
         "detector": config_to_json(config),
         "training": config_to_json(training),
         "sources": [config_to_json(source) for source in run.sources],
-        "start": None if run.start is None else str(run.start),
+        "start": describe_start(run.start),
         "processes": run.processes,
     }
 

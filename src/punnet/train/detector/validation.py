@@ -63,6 +63,8 @@ def score_network(network: BerryDetector, images: Sequence[AnnotatedImage]) -> D
         raw = runner.run(pixels, LEAST_SCORE)
         if not len(raw):
             return Strawberries.empty(rgb.shape[:2])
-        return decode_detections(raw, size, (rgb.shape[0], rgb.shape[1]), settings.mask_threshold)
+        return decode_detections(
+            raw, size, (rgb.shape[0], rgb.shape[1]), settings.mask_threshold, settings.score_threshold
+        )
 
     return evaluate_detections((truth_of_image(image)[0] for image in images), map(found, images))
