@@ -72,6 +72,7 @@ def test_an_ellipsoid_is_measured() -> None:
     assert found["distance_m"] == pytest.approx(np.linalg.norm(CENTRE), abs=2e-3)
     assert found["aspect"] == pytest.approx(1.0, abs=0.06)
     assert found["elongation"] == pytest.approx(36 / 28, rel=0.03)
+    assert found["stem_length_m"] == pytest.approx(0.02, rel=0.03)
     assert found["hidden"] == found["cut"] == found["without_axis"] == 0.0
     assert found["solidity"] == pytest.approx(1.0, abs=0.04)
     assert found["direction_0_y"] > 0.9

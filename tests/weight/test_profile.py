@@ -68,6 +68,14 @@ def test_far_away_the_aspect_is_believed_less() -> None:
     assert reliefs[0].believed > 2.0 * reliefs[1].believed > 0.0
 
 
+def test_the_stem_is_as_long_as_it_looks() -> None:
+    profile = measure_profile(_berry((0.05, 0.0, 0.4), (0.014, 0.018, 0.014)))
+    assert profile.stem_length == pytest.approx(0.02, rel=0.03)
+    assert profile.stem_bend == pytest.approx(0.0, abs=0.02)
+    bare = measure_profile(_berry((0.05, 0.0, 0.4), (0.014, 0.018, 0.014), keypoints=False))
+    assert np.isnan([bare.stem_length, bare.stem_bend]).all()
+
+
 def test_chords_of_a_diamond() -> None:
     diamond = np.array([(0.0, 0.0), (1.0, 1.0), (2.0, 0.0), (1.0, -1.0)])
     low, high = chords(diamond, np.array([-1.0, 0.5, 1.0, 1.75, 3.0]))

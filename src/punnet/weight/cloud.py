@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from punnet.geometry import CameraIntrinsics, cloud_from_depth
 
-__all__ = ["LAYER_GAP", "LEAST_POINTS", "berry_points", "depth_layer", "relief_height"]
+__all__ = ["LAYER_GAP", "LEAST_POINTS", "berry_points", "depth_layer", "least_squares", "relief_height"]
 
 LAYER_GAP = 0.012
 """Metres without a reading that part one thing from what is behind it (a berry's own points lie closer)."""
@@ -19,6 +19,7 @@ LEAST_POINTS = 20
 _EDGE_PIXELS = 2
 _FEWEST_INSIDE = 40
 _LEAST_RELIEF_POINTS = 60
+_REGULARISATION = 1e-9
 _OUTLIER_SPREADS = 5.0
 _SMALLEST_OUTLIER = 0.004
 """Metres off the surface that are never an outlier: a berry is no paraboloid, and stereo is noisy."""
@@ -84,10 +85,7 @@ def _on_surface(cloud: NDArray[np.float64]) -> NDArray[np.bool_]:
     x, y, z = (cloud - middle).T / size
     design = np.column_stack((np.ones_like(x), x, y, x * x, x * y, y * y))
     for _ in range(2):
-        # Normal equations: six unknowns of order one, forty times quicker than an orthogonal decomposition.
-        left = design[kept]
-        solution = np.linalg.lstsq(left.T @ left, left.T @ z[kept], rcond=None)[0]
-        residual = np.abs(z - design @ solution)
+        residual = np.abs(z - design @ least_squares(design[kept], z[kept]))
         limit = max(_OUTLIER_SPREADS * 1.4826 * float(np.median(residual[kept])), _SMALLEST_OUTLIER / size)
         kept = residual <= limit
     return np.asarray(kept)
@@ -115,5 +113,16 @@ def relief_height(points: NDArray[np.float64], dome: NDArray[np.float64]) -> flo
     x, y, z = points.T
     design = np.column_stack((np.ones_like(x), x - x.mean(), y - y.mean(), -dome))
     scale = np.maximum(np.abs(design).max(axis=0), 1e-12)
-    solution = np.linalg.lstsq(design / scale, z - z.mean(), rcond=None)[0] / scale
+    solution = least_squares(design / scale, z - z.mean()) / scale
     return float(solution[3])
+
+
+def least_squares(design: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Solution (K,) of ``design`` (P, K) · x ≈ ``target`` (P,), its columns of order one.
+
+    By normal equations: of a few smooth columns that is exact enough, and forty times quicker than an orthogonal
+    decomposition. Columns that say the same share what they explain.
+    """
+    normal = design.T @ design
+    normal[np.diag_indices_from(normal)] += _REGULARISATION * len(target)
+    return np.asarray(np.linalg.solve(normal, design.T @ target), dtype=np.float64)

@@ -225,8 +225,8 @@ def _check_relief(observation: BerryObservation) -> None:
     outline = observation.outline
     diameter = 2.0 * math.sqrt(outline.area / math.pi) * observation.scale
     centred = observation.view - observation.view.mean(axis=0)
-    thinnest = float(np.linalg.svd(centred, compute_uv=False)[-1]) / math.sqrt(len(centred))
-    if thinnest < _THINNEST or 2.0 * observation.relief < _FLATNESS * diameter:
+    thinnest = float(np.linalg.eigvalsh(centred.T @ centred)[0]) / len(centred)
+    if thinnest < _THINNEST**2 or 2.0 * observation.relief < _FLATNESS * diameter:
         raise _NotWeighableError("the cloud is flat: a picture, a leaf, or depth too coarse to tell")
 
 

@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from punnet.perception.picking_points import PICKING_HEIGHT
 from punnet.scene import KEYPOINTS, Visibility
 from punnet.weight.ellipsoid import EllipsoidEstimator
 from punnet.weight.observation import BerryObservation
@@ -96,6 +97,10 @@ SHAPE_FEATURES: dict[str, dict[str, str]] = {
         **{f"{name}_behind": f"1 if the fruit itself hides {name}" for name in _SEEN_FROM},
         "without_axis": "1 if top or bottom is not known",
     },
+    "stem": {
+        "stem_length_m": "from the picking point to the top; as long as it is in space without key-points",
+        "stem_bend_rad": "angle between stem and axis; 0 without key-points",
+    },
     "ripeness": {"ripeness": "0 green … 1 red all over; 1 if unknown, as what is weighed is ripe as a rule"},
     "ellipsoid": {
         "ellipsoid_g": "grams of the ellipsoid estimator",
@@ -117,6 +122,8 @@ def shape_features(berry: BerryObservation) -> dict[str, float]:
         **_profile(profile, metric),
         **_relief(berry, profile, relief),
         **_occlusion(berry, profile, relief, metric),
+        "stem_length_m": _or(profile.stem_length, PICKING_HEIGHT),
+        "stem_bend_rad": _or(profile.stem_bend, 0.0),
         "ripeness": 1.0 if math.isnan(berry.ripeness) else berry.ripeness,
         "ellipsoid_g": grams,
         "revolution_over_ellipsoid": metric["revolution_ml"] / grams,

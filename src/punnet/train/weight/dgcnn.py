@@ -73,6 +73,6 @@ class DynamicGraphNetwork(WeightNetwork):
 DGCNN = deep_spec(
     DeepRecipe("dgcnn", DGCNNConfig, DynamicGraphNetwork, PointInputs),
     title="DGCNN",
-    quick={"epochs": 25, "points": 256, "neighbours": 10, "widths": (32, 32, 64, 128), "whole": 512},
+    quick={"epochs": 20, "points": 256, "neighbours": 10, "widths": (32, 32, 64, 128), "whole": 512},
     thesis={0.20: 44.20},
 )

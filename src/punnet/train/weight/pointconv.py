@@ -125,6 +125,6 @@ def point_density(points: Tensor, bandwidth: float) -> Tensor:
 POINTCONV = deep_spec(
     DeepRecipe("pointconv", PointConvConfig, PointConv, PointInputs),
     title="PointConv",
-    quick={"epochs": 30, "points": 256, "neighbours": (16, 16, 32)},
+    quick={"epochs": 25, "points": 256, "neighbours": (16, 16, 32)},
     thesis={0.10: 15.50, 0.20: 28.90},
 )
