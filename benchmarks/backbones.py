@@ -15,6 +15,7 @@ import numpy as np
 
 from punnet.data.formats import read_dataset
 from punnet.outputs import write_text
+from punnet.perception.learned import MODEL_FILE
 from punnet.train.detector.bundling import Terms, bundle_run, network_of_checkpoint
 from punnet.train.detector.config import SLIM, DetectorConfig, Source
 from punnet.train.detector.network import count_parameters
@@ -56,7 +57,6 @@ def main() -> None:
                 "backbone": backbone,
                 "parameters_million": count_parameters(network) / 1e6,
                 "training_seconds": seconds,
-                "milliseconds": latency(folder / "bundle" / "model.onnx"),
                 **{f"{row.name}_mask_ap{t:g}": v for row in scores.rows[:3] for t, v in row.mask_ap.items()},
                 **{
                     f"{row.name}_oks_ap{t:g}": v
@@ -65,6 +65,8 @@ def main() -> None:
                 },
             }
         )
+    for row, milliseconds in zip(rows, latencies([arguments.out / b / "bundle" for b in SLIM]), strict=True):
+        row["milliseconds"] = milliseconds
     plain = [{key: None if value != value else value for key, value in row.items()} for row in rows]
     write_text(arguments.out / "backbones.json", json.dumps(plain, indent=1) + "\n", force=True)
     for key in rows[0]:
@@ -72,20 +74,25 @@ def main() -> None:
         print(f"{key:28}", *(f"{v:>26.3f}" if isinstance(v, float) else f"{v:>26}" for v in values))
 
 
-def latency(path: Path) -> float:
-    """Median milliseconds of the graph on two threads, 640×480, an image without berries."""
+def latencies(bundles: list[Path]) -> list[float]:
+    """Median milliseconds of each graph on two threads, 640×480, an image without berries; they take turns."""
     import onnxruntime
 
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 2
-    session = onnxruntime.InferenceSession(str(path), options, ["CPUExecutionProvider"])
+    sessions = [
+        onnxruntime.InferenceSession(str(bundle / MODEL_FILE), options, ["CPUExecutionProvider"])
+        for bundle in bundles
+    ]
     image = np.random.default_rng(0).integers(0, 256, (1, *IMAGE, 3), dtype=np.uint8)
-    times = []
-    for _ in range(RUNS):
-        began = time.perf_counter()
-        session.run(None, {"image": image, "score_threshold": np.array(0.5, dtype=np.float32)})
-        times.append(time.perf_counter() - began)
-    return float(np.median(times) * 1e3)
+    feeds = {"image": image, "score_threshold": np.array(0.5, dtype=np.float32)}
+    times = np.zeros((RUNS, len(sessions)))
+    for turn in times:
+        for k, session in enumerate(sessions):
+            began = time.perf_counter()
+            session.run(None, feeds)
+            turn[k] = time.perf_counter() - began
+    return [float(t) for t in np.median(times, axis=0) * 1e3]
 
 
 if __name__ == "__main__":
