@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from punnet.errors import ConfigurationError, ShapeError
 from punnet.movement.conditioning import condition_gaussian
+from punnet.movement.covariance import covariance_factor
 from punnet.movement.distribution import TrajectoryDistribution
 from punnet.movement.pushforward import in_basis, in_chart
 
@@ -133,11 +134,6 @@ def _alike(first: TrajectoryDistribution, other: TrajectoryDistribution, what: s
 
 def _paired_roots(first: Array, second: Array) -> tuple[Array, Array]:
     """Roots A, B (N, N) with AAᵀ and BBᵀ the covariances, and the largest tr(A Bᵀ) there can be."""
-    root_first, root_second = _symmetric_root(first), _symmetric_root(second)
-    P, _, Qt = np.linalg.svd(root_second @ root_first)
+    root_first, root_second = covariance_factor(first), covariance_factor(second)
+    P, _, Qt = np.linalg.svd(root_second.T @ root_first)
     return root_first, root_second @ P @ Qt
-
-
-def _symmetric_root(covariance: Array) -> Array:
-    eigenvalues, vectors = np.linalg.eigh(covariance)
-    return np.asarray((vectors * np.sqrt(np.maximum(eigenvalues, 0.0))) @ vectors.T)

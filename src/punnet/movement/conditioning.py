@@ -10,15 +10,18 @@ from scipy.linalg.lapack import dpotrf, dtrtri
 
 from punnet.errors import ConfigurationError
 from punnet.movement.basis import GaussianBasis
+from punnet.movement.covariance import covariance_factor, is_semi_definite
 from punnet.movement.via_point import ViaPoint
 
-__all__ = ["condition_gaussian", "condition_on_via_points", "observe", "require_semi_definite"]
+__all__ = ["condition_gaussian", "condition_on_via_points", "observe"]
 
 Array = NDArray[np.float64]
 
 RELATIVE_RANK = 1e-12
 GOOD_PIVOT = 1e-4  # of the scaled innovation; below it the form is taken that rounding can't hurt
 UNMET_TOLERANCE = 1e-6
+MUCH_LESS = 0.5  # of the largest variance: from there on rounding of the prior is looked for in what is left
+ROUNDING_LEFT = 1e-11
 
 
 def condition_gaussian(
@@ -28,7 +31,8 @@ def condition_gaussian(
 
     The gain is ``K = Σ Aᵀ (A Σ Aᵀ + R)⁻¹``. Where the rows, scaled to unit variance, are nearly dependent,
     directions without variance are dropped, so repeated via-points do no harm, and the covariance is updated in
-    Joseph's form ``(I − K A) Σ (I − K A)ᵀ + K R Kᵀ``, which stays positive semi-definite under rounding.
+    Joseph's form ``(I − K A) Σ (I − K A)ᵀ + K R Kᵀ`` by factors of Σ and R, which stays positive semi-definite
+    however little is left of Σ.
 
     Parameters
     ----------
@@ -121,7 +125,11 @@ def _condition_quickly(
     inverse, _ = dtrtri(factor, lower=1, overwrite_c=1)
     root = inverse @ cross
     # rootᵀ root of one and the same array is symmetric to the last bit.
-    return mean + (inverse @ residual) @ root, covariance - root.T @ root
+    left = covariance - root.T @ root
+    shrunk = np.maximum.reduce(left.diagonal()) < MUCH_LESS * np.maximum.reduce(covariance.diagonal())
+    if shrunk and not is_semi_definite(left, ROUNDING_LEFT):
+        return None
+    return mean + (inverse @ residual) @ root, left
 
 
 def _condition_carefully(
@@ -138,8 +146,9 @@ def _condition_carefully(
         )
         posterior = _polish(posterior, exact_gain, observation[exact], values[exact])
     remaining = np.eye(len(mean)) - gain @ observation
-    updated = remaining @ covariance @ remaining.T + gain @ R @ gain.T
-    return posterior, (updated + updated.T) / 2.0
+    noise_factor = gain * np.sqrt(noise) if noise.ndim == 1 else gain @ covariance_factor(noise)
+    factor = np.concatenate((remaining @ covariance_factor(covariance), noise_factor), axis=1)
+    return posterior, factor @ factor.T
 
 
 def _gain(covariance: Array, observation: Array, noise: Array) -> Array:
@@ -205,25 +214,3 @@ def _basis_rows(via_points: Sequence[ViaPoint], basis: GaussianBasis) -> Array:
         of_order = [i for i, point in enumerate(via_points) if point.order == order]
         rows[of_order] = basis.derivative([via_points[i].phase for i in of_order], order)
     return rows
-
-
-def require_semi_definite(covariance: Array) -> None:
-    """Refuse what is not symmetric and positive semi-definite but for rounding, 1e-8 of the largest entry.
-
-    Raises
-    ------
-    ConfigurationError
-        With the smallest eigenvalue.
-    """
-    largest = float(np.abs(covariance).max())
-    if float(np.abs(covariance - covariance.T).max()) > 1e-8 * largest:
-        raise ConfigurationError("trajectory distribution: weight_covariance is not symmetric")
-    raised = covariance.copy()
-    raised.flat[:: len(covariance) + 1] += 1e-8 * largest + np.finfo(np.float64).tiny
-    # A factor of the slightly raised matrix exists unless an eigenvalue lies below; that is ten times quicker
-    # than the eigenvalues, which only the message needs.
-    if dpotrf(raised)[1]:
-        smallest = float(np.linalg.eigvalsh(covariance)[0])
-        raise ConfigurationError(
-            f"trajectory distribution: weight_covariance has a negative eigenvalue, {smallest:.3g}"
-        )

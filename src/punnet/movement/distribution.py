@@ -19,7 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from punnet.errors import ConfigurationError, FileFormatError, ShapeError
 from punnet.movement.basis import GaussianBasis
-from punnet.movement.conditioning import condition_on_via_points, require_semi_definite
+from punnet.movement.conditioning import condition_on_via_points
+from punnet.movement.covariance import covariance_factor, require_semi_definite
 from punnet.movement.distribution_json import distribution_to_json, fields_from_json
 from punnet.movement.joint_trajectory import JointTrajectory
 from punnet.movement.pose_chart import COORDINATE_NAMES, PoseChart
@@ -181,8 +182,7 @@ class TrajectoryDistribution:
         if n < 0:
             raise ConfigurationError(f"trajectory distribution: can't draw {n} samples")
         phi, D, B = self.basis.derivative(phase, order), self.dimensions, self.basis.count
-        eigenvalues, vectors = np.linalg.eigh(self.weight_covariance)
-        factor = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
+        factor = covariance_factor(self.weight_covariance)
         weights = self.weight_mean.ravel() + rng.standard_normal((n, D * B)) @ factor.T
         curves = weights.reshape(n * D, B) @ phi.T
         return np.asarray(curves.reshape(n, D, len(phi)).transpose(0, 2, 1), dtype=np.float64)

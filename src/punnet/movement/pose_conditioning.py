@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from punnet.errors import ConfigurationError, KinematicsError, ShapeError
 from punnet.geometry import is_transform, vector_from_rotation
 from punnet.movement.conditioning import condition_gaussian, observe
+from punnet.movement.covariance import covariance_factor
 from punnet.movement.distribution import TrajectoryDistribution
 from punnet.movement.kinematics import ForwardKinematics
 from punnet.movement.via_point import ViaPoint
@@ -127,10 +128,10 @@ def condition_on_poses(
             f"{problem.worst(u)}: it is out of reach or contradicts another via-point; give a std, another "
             "pose, or broaden the distribution"
         )
-    covariance = problem.root @ problem.update(u)[1] @ problem.root.T
+    factor = problem.root @ covariance_factor(problem.update(u)[1])
     return distribution._with_weights(
         problem.weights(u).reshape(distribution.weight_mean.shape),
-        (covariance + covariance.T) / 2.0,
+        factor @ factor.T,
         via_points=distribution.via_points + tuple(via_points),
     )
 
@@ -183,8 +184,7 @@ class _Problem:
         linear: tuple[Array, Array, Array] = (np.zeros((0, prior.weight_mean.size)), np.zeros(0), np.zeros(0))
         if via_points:
             linear = observe(via_points, prior.basis, prior.dimensions)
-        eigenvalues, vectors = np.linalg.eigh(prior.weight_covariance)
-        root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
+        root = covariance_factor(prior.weight_covariance)
         phi = prior.basis.phi([point.phase for point in poses])
         std = np.stack([point.std for point in poses])
         return cls(prior, kinematics, tuple(poses), phi, std, linear, root)

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from punnet.errors import ConfigurationError, ShapeError
 from punnet.geometry import make_transform, rotation_from_quaternion
 from punnet.movement.basis import GaussianBasis
-from punnet.movement.conditioning import require_semi_definite
+from punnet.movement.covariance import covariance_factor, require_semi_definite
 from punnet.movement.distribution import TrajectoryDistribution
 from punnet.movement.kinematics import ForwardKinematics
 from punnet.movement.pose_chart import PoseChart
@@ -45,7 +45,7 @@ def pushed_forward(
     # M[(e, c), (d, b)] = Σ_t P[c, t] J[t, e, d] Φ[t, b] takes weights of x to weights of the function.
     M = np.einsum("ct,ted,tb->ecdb", projection, J, phi, optimize=True)
     M = M.reshape(values.shape[1] * basis.count, -1)
-    root = _root(weight_covariance)
+    root = covariance_factor(weight_covariance)
     spread = M @ root
     return (projection @ values).T, spread @ spread.T
 
@@ -58,15 +58,11 @@ def in_basis(distribution: TrajectoryDistribution, basis: GaussianBasis) -> Traj
     z = np.linspace(0.0, 1.0, SAMPLES)
     M = np.linalg.pinv(basis.phi(z)) @ distribution.basis.phi(z)
     D, B = distribution.weight_mean.shape
-    root = (M @ _root(distribution.weight_covariance).reshape(D, B, -1)).reshape(D * basis.count, -1)
+    root = M @ covariance_factor(distribution.weight_covariance).reshape(D, B, -1)
+    root = root.reshape(D * basis.count, -1)
     return replace(
         distribution, basis=basis, weight_mean=distribution.weight_mean @ M.T, weight_covariance=root @ root.T
     )
-
-
-def _root(covariance: Array) -> Array:
-    eigenvalues, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(eigenvalues, 0.0)))
 
 
 def to_task_space(
