@@ -210,6 +210,16 @@ def test_damaged_datasets(tmp_path: Path) -> None:
     assert [fault.code for fault in read_readable_demos(folder).left_out] == ["unreadable"] * 2
 
 
+def lerobot_says(program: str, *arguments: object) -> str:
+    """What the program prints, run by the Python that has lerobot."""
+    run = [LEROBOT, "-W", "ignore", "-c", program, *map(str, arguments)]
+    done = subprocess.run(
+        run, capture_output=True, text=True, check=False, env={**os.environ, "HF_HUB_OFFLINE": "1"}
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
 @pytest.mark.skipif(not LEROBOT, reason="PUNNET_LEROBOT_PYTHON names no Python that has lerobot installed")
 def test_lerobot_itself_loads_what_is_written(small_wall: DemonstrationSet, tmp_path: Path) -> None:
     write_lerobot(smooth_photographs(small_wall, tmp_path), tmp_path / "out", fps=30)
@@ -221,11 +231,9 @@ batch = next(iter(torch.utils.data.DataLoader(data, batch_size=4)))
 levels = [round(float(data[61 * k + 30]["observation.images.home"].mean()) * 255) for k in range(4)]
 print(json.dumps([len(data), data.num_episodes, list(batch["action"].shape), data[0]["task"], levels]))
 """
-    run = [LEROBOT, "-W", "ignore", "-c", program, str(tmp_path / "out")]
-    done = subprocess.run(
-        run, capture_output=True, text=True, check=True, env={**os.environ, "HF_HUB_OFFLINE": "1"}
+    frames, episodes, shape, task, levels = json.loads(
+        lerobot_says(program, tmp_path / "out").splitlines()[-1]
     )
-    frames, episodes, shape, task, levels = json.loads(done.stdout.splitlines()[-1])
     assert (frames, episodes, shape) == (4 * 61, 4, [4, 3])
     assert "strawberry" in task
     assert np.abs(np.array(levels) - [30, 70, 110, 150]).max() <= 4
@@ -252,8 +260,7 @@ for episode in range(2):
     data.save_episode()
 data.finalize()
 """
-    run = [LEROBOT, "-W", "ignore", "-c", program, str(tmp_path / "out"), kind]
-    subprocess.run(run, capture_output=True, text=True, check=True, env={**os.environ, "HF_HUB_OFFLINE": "1"})
+    lerobot_says(program, tmp_path / "out", kind)
     demonstrations = read_demos(tmp_path / "out")
     assert len(demonstrations) == 2
     for number, episode in enumerate(demonstrations):
