@@ -113,14 +113,23 @@ def busy(what: str) -> Iterator[None]:
         yield
 
 
+def _whispered(what: str) -> Callable[[int, int], None]:
+    """Progress as lines: each time another fifty are done, and at the end."""
+    told = 0
+
+    def show(done: int, total: int) -> None:
+        nonlocal told
+        if done == total or done // 50 > told // 50:
+            whisper(f"{what}: {done} of {total}")
+            told = done
+
+    return show
+
+
 @contextmanager
 def _bar(what: str) -> Iterator[Callable[[int, int], None]]:
     if not sys.stderr.isatty():
-        yield (
-            lambda done, total: (
-                whisper(f"{what}: {done} of {total}") if done == total or done % 50 == 0 else None
-            )
-        )
+        yield _whispered(what)
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from punnet.cli.console import note, print_json, progress_bar, say
+from punnet.cli.console import counted_progress, note, print_json, say
 from punnet.cli.options import Force, Json, OutFolder, Seed
 
 __all__ = ["simulate"]
@@ -48,26 +48,18 @@ def simulate(
     from punnet.sim.protocols import protocol_of
 
     kind = protocol_of(protocol)
-    images = images or kind.images
+    total = images or kind.images
     started = time.monotonic()
-    with progress_bar("images", images) as advance:
-        shown = 0
-
-        def show(done: int) -> None:
-            nonlocal shown
-            for _ in range(done - shown):
-                advance()
-            shown = done
-
+    with counted_progress("images") as show:
         report = simulate_dataset(
             out,
-            images=images,
+            images=total,
             seed=seed,
             protocol=kind.name,
             workers=workers,
             backend=backend,  # type: ignore[arg-type]  # the factory names what it knows
             force=force,
-            progress=show,
+            progress=lambda done: show(done, total),
         )
     seconds = time.monotonic() - started
     rate = report.made / seconds

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from punnet.cli.console import note, print_json, progress_bar, say
+from punnet.cli.console import counted_progress, note, print_json, say
 from punnet.cli.options import Force, Json, Seed
 
 __all__ = ["SceneName", "Spread", "simulate"]
@@ -96,15 +96,7 @@ def _simulate(
     from punnet.sim.demonstrations_factory import simulate_demonstration_set
 
     started = time.monotonic()
-    with progress_bar("episodes", configs * repeats) as advance:
-        shown = 0
-
-        def show(done: int) -> None:
-            nonlocal shown
-            for _ in range(done - shown):
-                advance()
-            shown = done
-
+    with counted_progress("episodes") as show:
         report = simulate_demonstration_set(
             out,
             configurations=configs,
@@ -114,7 +106,7 @@ def _simulate(
             spread=spread.value,
             workers=workers,
             force=force,
-            progress=show,
+            progress=lambda done: show(done, configs * repeats),
         )
     seconds = time.monotonic() - started
     if as_json:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ __all__ = [
     "number",
     "numbers",
     "read_json",
+    "read_json_with_gaps",
     "read_text",
     "require_object",
 ]
@@ -59,8 +60,23 @@ def read_json(path: Path) -> Any:
     FileFormatError
         If the file is missing, unreadable or no JSON.
     """
+    return _parsed(path, _refuse_constant)
+
+
+def read_json_with_gaps(path: Path) -> Any:
+    """Read JSON as Python's ``json.dump`` writes measurements: NaN and infinities count as null.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is missing, unreadable or no JSON.
+    """
+    return _parsed(path, lambda _: None)
+
+
+def _parsed(path: Path, constant: Callable[[str], Any]) -> Any:
     try:
-        return json.loads(read_text(path), parse_constant=_refuse_constant)
+        return json.loads(read_text(path), parse_constant=constant)
     except FileFormatError:
         raise
     except (ValueError, RecursionError) as error:

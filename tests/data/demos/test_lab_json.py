@@ -73,6 +73,8 @@ def test_without_time_the_duration_is_not_known(tmp_path: Path) -> None:
         ({"time": [0.0, 0.1, 0.1, 0.3]}, "time-order", "stands still"),
         ({"time": [0.0, None, 0.2, 0.3]}, "not-finite", "time of 1 samples, the first is sample 1"),
         ({"joint_position": [[None] * 7, *JOINTS[1:]]}, "not-finite", "joints of 1 samples"),
+        ({"joint_position": [[float("nan")] * 7, *JOINTS[1:]]}, "not-finite", "joints of 1 samples"),
+        ({"time": [0.0, 0.1, float("inf"), 0.3]}, "not-finite", "time of 1 samples, the first is sample 2"),
         ({"joint_position": [[0.0], [0.0, 1.0]]}, "missing-field", "rectangular"),
         ({"joint_position": "fast"}, "missing-field", "numbers"),
         ({"pose": [[0.0] * 7] * 4}, "bad-pose", "zero"),

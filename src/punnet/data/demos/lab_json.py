@@ -8,7 +8,7 @@ Each JSON is an object with
 * ``joint_position``, (T, J) radians, ``time``, (T,) seconds; without ``time`` the samples are taken as evenly spread
   over the movement, whose duration is then not known;
 * if known ``pose`` (T, 7), ``box`` (xyxy pixels in the photograph), ``target`` (what repeats share) and ``configuration``
-  (the plant). All else is kept as it is.
+  (the plant). All else is kept as it is, but that NaN, which is no JSON, counts as null.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from punnet.data.demos.faults import EpisodeRefused
 from punnet.data.demos.pictures import PictureFile
 from punnet.data.demos.reading import Reading, number_array, target_of_box, trajectory_of
 from punnet.data.demos.trajectory import Space, Trajectory
-from punnet.data.reading import IMAGE_SUFFIXES, image_size, read_json
+from punnet.data.reading import IMAGE_SUFFIXES, image_size, read_json_with_gaps
 
 __all__ = ["is_lab_json", "read_lab_json"]
 
@@ -82,7 +82,7 @@ def _episode(file: Path, folder: Path | None) -> Episode:
 
 
 def _object(file: Path) -> dict[str, Any]:
-    data = read_json(file)
+    data = read_json_with_gaps(file)
     if not isinstance(data, dict):
         raise EpisodeRefused([("unreadable", f"a JSON object is needed, got {type(data).__name__}")])
     return data
