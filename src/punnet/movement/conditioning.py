@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 RELATIVE_RANK = 1e-12
 GOOD_PIVOT = 1e-4  # of the scaled innovation; below it the form is taken that rounding can't hurt
 UNMET_TOLERANCE = 1e-6
-MUCH_LESS = 0.5  # of the largest variance: from there on rounding of the prior is looked for in what is left
+MUCH_LESS = 0.1  # of the largest variance: from there on rounding of the prior is looked for in what is left
 ROUNDING_LEFT = 1e-11
 
 
