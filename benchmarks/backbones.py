@@ -32,7 +32,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--train", type=Path, required=True)
     parser.add_argument("--test", type=Path, required=True)
-    parser.add_argument("--steps", type=int, default=400, help="of each, 20 or more [%(default)s]")
+    parser.add_argument("--steps", type=int, default=400, help="of each [%(default)s]")
     parser.add_argument("--images", type=int, default=100, help="of the test set")
     parser.add_argument("--out", type=Path, required=True)
     arguments = parser.parse_args()
@@ -41,8 +41,6 @@ def main() -> None:
         training,
         validate_every=arguments.steps,
         warm_up=min(training.warm_up, arguments.steps // 4),
-        # So few steps are not to be averaged with where they began.
-        averaging=min(training.averaging, 1 - 10 / arguments.steps),
     )
     test = read_dataset(arguments.test).images[: arguments.images]
     rows = []

@@ -20,6 +20,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from punnet.errors import ConfigurationError, FileFormatError, OutputError  # noqa: E402
 from punnet.outputs import Interrupted  # noqa: E402
 from punnet.train.detector.bundling import network_of_checkpoint  # noqa: E402
+from punnet.train.detector.callbacks import Averaging  # noqa: E402
 from punnet.train.detector.config import DetectorTraining, Source  # noqa: E402
 from punnet.train.detector.module import rate_at  # noqa: E402
 from punnet.train.detector.samples import Samples  # noqa: E402
@@ -235,3 +236,26 @@ def test_the_rate_rises_and_falls() -> None:
     assert (np.diff(rates[10:]) <= 0).all()
     assert rates[100] == pytest.approx(0.01)
     assert rate_at(5, DetectorTraining(steps=3, warm_up=0)) == pytest.approx(0.01)
+
+
+def test_the_average_of_a_short_run_leaves_its_start_behind() -> None:
+    from torch.optim.swa_utils import AveragedModel
+
+    def average_after(steps: int, decay: float) -> float:
+        weight = torch.nn.Linear(1, 1, bias=False)
+        torch.nn.init.zeros_(weight.weight)
+        average = AveragedModel(weight, **Averaging(decay)._kwargs)
+        average.update_parameters(weight)
+        torch.nn.init.ones_(weight.weight)
+        for _ in range(steps):
+            average.update_parameters(weight)
+        return float(average.module.weight)
+
+    # After 300 steps a decay of .998 alone would leave .998³⁰⁰ = 55% of the start.
+    assert average_after(300, 0.998) > 0.99
+    # In the long run the decay is the one that was asked for.
+    assert average_after(2, 0.0) == pytest.approx(1.0)
+    assert average_after(50, 0.1) == pytest.approx(1 - 0.1**50)
+    kept = np.prod([min(0.9, (1 + n) / (10 + n)) for n in range(1, 201)])
+    assert average_after(200, 0.9) == pytest.approx(1 - kept)
+    assert average_after(5, 0.998) == pytest.approx(1 - np.prod([(1 + n) / (10 + n) for n in range(1, 6)]))

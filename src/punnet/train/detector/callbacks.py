@@ -10,14 +10,15 @@ from pathlib import Path
 from typing import Any
 
 import lightning
-from lightning.pytorch.callbacks import Callback, EMAWeightAveraging, RichProgressBar
+from lightning.pytorch.callbacks import Callback, RichProgressBar, WeightAveraging
+from torch import Tensor
 
 from punnet.data.dataset import AnnotatedImage
 from punnet.train.detector.module import VALIDATED, DetectorModule
 from punnet.train.detector.network import BerryDetector
 from punnet.train.detector.validation import score_network
 
-__all__ = ["SCORES_FILE", "Progress", "Tell", "Validation", "averaged", "progress"]
+__all__ = ["SCORES_FILE", "Averaging", "Progress", "Tell", "Validation", "averaged", "progress"]
 
 SCORES_FILE = "validation.jsonl"
 STEPS_A_LINE = 50
@@ -62,11 +63,29 @@ class Validation(Callback):
             )
 
 
+class Averaging(WeightAveraging):
+    """An exponential moving average of the weights that a short run forgets its beginning in, too.
+
+    Parameters
+    ----------
+    decay
+        In the long run. After n steps it is at most (1 + n) / (10 + n), so that the average reaches back over a tenth of
+        the steps and not to where the run started.
+    """
+
+    def __init__(self, decay: float) -> None:
+        def moved(average: Tensor, current: Tensor, steps: Tensor | int) -> Tensor:
+            kept = min(decay, (1 + float(steps)) / (10 + float(steps)))
+            return average * kept + current * (1 - kept)
+
+        super().__init__(avg_fn=moved)
+
+
 def averaged(trainer: lightning.Trainer, module: DetectorModule) -> BerryDetector:
     """The exponential moving average of the network if there is one, else the network."""
     for callback in trainer.callbacks:  # type: ignore[attr-defined]
         average = getattr(callback, "_average_model", None)
-        if isinstance(callback, EMAWeightAveraging) and average is not None:
+        if isinstance(callback, Averaging) and average is not None:
             network: BerryDetector = average.module.network
             return network
     return module.network

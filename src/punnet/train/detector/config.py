@@ -206,7 +206,8 @@ class DetectorTraining:
     learning_rate, backbone_rate, weight_decay, warm_up
         AdamW: highest rate, the backbone's as a factor of it, decay, steps of linear warm-up; cosine descent after.
     averaging
-        Decay of the exponential moving average of the weights, which is what is exported; 0 for none.
+        Decay of the exponential moving average of the weights, which is what is exported; less at the beginning, so
+        that a short run's average does not reach back to its start. 0 for none.
     validate_every
         Steps between two checkpoints, each after a validation.
     patience

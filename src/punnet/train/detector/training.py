@@ -18,7 +18,6 @@ import torch
 from lightning.pytorch.callbacks import (
     Callback,
     EarlyStopping,
-    EMAWeightAveraging,
     ModelCheckpoint,
     ProgressBar,
 )
@@ -28,7 +27,7 @@ from torch.utils.data import DataLoader
 from punnet.data.dataset import AnnotatedImage
 from punnet.errors import ConfigurationError
 from punnet.outputs import Interrupted, write_text
-from punnet.train.detector.callbacks import SCORES_FILE, Tell, Validation, progress
+from punnet.train.detector.callbacks import SCORES_FILE, Averaging, Tell, Validation, progress
 from punnet.train.detector.config import DetectorConfig, DetectorTraining, Source, config_to_json
 from punnet.train.detector.module import VALIDATED, DetectorModule
 from punnet.train.detector.samples import Draws, OpenSource, Samples, collate, open_sources
@@ -232,7 +231,7 @@ def _trainer(
 ) -> lightning.Trainer:
     callbacks: list[Callback] = [progress(training.steps, tell)]
     if training.averaging:
-        callbacks.append(EMAWeightAveraging(decay=training.averaging))
+        callbacks.append(Averaging(training.averaging))
     if validated:
         callbacks.append(Validation(validated, tell))
         if training.patience:
