@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
 from punnet.errors import FileFormatError, ShapeError
+from punnet.movement.peaks import peak_rates
 
 __all__ = ["JointTrajectory"]
 
@@ -119,6 +120,14 @@ class JointTrajectory:
         if derivative:
             values = np.where(((t < self.times[0]) | (t > self.times[-1]))[..., None], 0.0, values)
         return np.asarray(values, dtype=np.float64)
+
+    def peak_rates(self) -> NDArray[np.float64]:
+        """Bounds (3, J) of velocity, acceleration and jerk, in magnitude, that :meth:`sample` keeps at all times.
+
+        Never below the peaks, and little above them: :func:`punnet.movement.peaks.peak_rates`. Where velocities
+        (accelerations) are unknown, they jump between the pieces, and what follows them is that of the pieces.
+        """
+        return peak_rates(self._interpolant)
 
     def resample(self, time_step: float) -> JointTrajectory:
         """Points every ``time_step`` seconds; the last step is shorter if the duration is no multiple."""
