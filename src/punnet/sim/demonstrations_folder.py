@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from punnet.data.demos import DemonstrationSet, Episode, Photograph, PictureFile, Trajectory, as_poses
 from punnet.data.demos.punnet_folder import DESCRIPTION, SCHEMA, TRAJECTORIES
@@ -19,12 +16,11 @@ from punnet.errors import FileFormatError, OutputError, OutputExistsError
 from punnet.outputs import MARKER_FILE
 from punnet.robot import JOINT_NAMES
 from punnet.scene import Frame, Target
+from punnet.sim.growing_folder import DEPTH_UNIT, json_bytes, write_pictures, write_whole
 
 __all__ = ["FolderOfReaches"]
 
 _SHARDS = ".plants"
-_JPEG_QUALITY = 92
-_DEPTH_UNIT = 0.001
 _POSES_OF = "flange"
 
 
@@ -70,9 +66,9 @@ class FolderOfReaches:
                 (place / name).mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OutputError(f"{place}: can't be written ({error.strerror}); give another folder") from error
-        _write(place / MARKER_FILE, _json({"made_by": "punnet", "complete": False}))
+        write_whole(place / MARKER_FILE, json_bytes({"made_by": "punnet", "complete": False}))
         begun = {"schema": SCHEMA, "complete": False, "info": self.settings, "episodes": []}
-        _write(place / DESCRIPTION, _json(begun))
+        write_whole(place / DESCRIPTION, json_bytes(begun))
 
     def _found(self) -> dict[str, Any] | None:
         path = self.folder / DESCRIPTION
@@ -110,23 +106,19 @@ class FolderOfReaches:
         assert frame.depth is not None
         assert frame.camera is not None
         assert frame.T_base_camera is not None
-        rgb, depth = f"rgb/{name}.jpg", f"depth/{name}.png"
-        quality = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
-        _write(self.folder / rgb, _encoded(".jpg", frame.rgb[:, :, ::-1], quality))
-        counts = np.rint(frame.depth / np.float32(_DEPTH_UNIT)).astype(np.uint16)
-        _write(self.folder / depth, _encoded(".png", counts, [cv2.IMWRITE_PNG_COMPRESSION, 3]))
+        rgb, depth = write_pictures(self.folder, name, frame.rgb, frame.depth)
         return {
             "rgb": rgb,
             "size": [frame.height, frame.width],
             "depth": depth,
-            "depth_scale": _DEPTH_UNIT,
+            "depth_scale": DEPTH_UNIT,
             "camera": frame.camera.to_json(),
             "T_base_camera": frame.T_base_camera.tolist(),
         }
 
     def write_shard(self, plant: int, episodes: list[dict[str, Any]]) -> None:
         """Write a plant's episodes: from then on it counts as finished."""
-        _write(self._shard(plant), json.dumps(episodes, allow_nan=False).encode())
+        write_whole(self._shard(plant), json.dumps(episodes, allow_nan=False).encode())
 
     def complete(self, plants: int) -> None:
         """Join the shards, in the order of the plants."""
@@ -138,9 +130,9 @@ class FolderOfReaches:
         demonstrations = DemonstrationSet(
             tuple(episodes), self.folder.name, self.settings | {"poses_of": _POSES_OF}
         )
-        _write(self.folder / TRAJECTORIES, trajectory_archive(demonstrations))
-        _write(self.folder / DESCRIPTION, _json(describe_episodes(demonstrations, photographs)))
-        _write(self.folder / MARKER_FILE, _json({"made_by": "punnet", "complete": True}))
+        write_whole(self.folder / TRAJECTORIES, trajectory_archive(demonstrations))
+        write_whole(self.folder / DESCRIPTION, json_bytes(describe_episodes(demonstrations, photographs)))
+        write_whole(self.folder / MARKER_FILE, json_bytes({"made_by": "punnet", "complete": True}))
         shutil.rmtree(self.folder / _SHARDS)
         for half in (*(self.folder / "rgb").glob(".*"), *(self.folder / "depth").glob(".*")):
             half.unlink()  # begun by a run that was killed
@@ -170,21 +162,3 @@ class FolderOfReaches:
 
     def _shard(self, plant: int) -> Path:
         return self.folder / _SHARDS / f"{plant:06d}.json"
-
-
-def _json(value: Any) -> bytes:
-    return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
-
-
-def _encoded(suffix: str, image: NDArray[Any], options: list[int]) -> bytes:
-    done, encoded = cv2.imencode(suffix, image, options)
-    if not done:
-        raise OutputError(f"an image of {image.shape} could not be encoded as {suffix}")
-    return bytes(encoded.tobytes())
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Write a file in one step: there is never half of it."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    beside.write_bytes(content)
-    beside.replace(path)

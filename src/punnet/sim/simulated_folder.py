@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
-import numpy as np
-from numpy.typing import NDArray
-
 import punnet
 from punnet.errors import FileFormatError, OutputError, OutputExistsError
 from punnet.outputs import MARKER_FILE
 from punnet.scene import CLASSES, KEYPOINTS
+from punnet.sim.growing_folder import DEPTH_UNIT, json_bytes, write_pictures, write_whole
 from punnet.sim.labelled_views import LabelledView
 from punnet.sim.protocols import VARIED, Protocol
 from punnet.sim.still_scene import PHOTO_INTRINSICS
@@ -28,8 +24,6 @@ GENERATOR = 1
 """Raised whenever the same seed gives other bytes."""
 
 _DESCRIPTION, _ANNOTATIONS, _SHARDS = "data.json", "annotations.json", ".plants"
-_JPEG_QUALITY = 92
-_DEPTH_UNIT = 0.001
 _LICENCES = [
     {"id": 1, "name": "CC0 1.0", "url": "https://creativecommons.org/publicdomain/zero/1.0/"},
     {
@@ -109,9 +103,11 @@ def open_folder(place: Path, description: dict[str, Any], force: bool) -> None:
             (place / name).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{place}: can't be written ({error.strerror}); give another folder") from error
-    _write(place / MARKER_FILE, _json({"made_by": "punnet", "complete": False}))
-    _write(place / "camera.json", _json({"depth_scale": _DEPTH_UNIT, "camera": PHOTO_INTRINSICS.to_json()}))
-    _write(place / _DESCRIPTION, _json(description))
+    write_whole(place / MARKER_FILE, json_bytes({"made_by": "punnet", "complete": False}))
+    write_whole(
+        place / "camera.json", json_bytes({"depth_scale": DEPTH_UNIT, "camera": PHOTO_INTRINSICS.to_json()})
+    )
+    write_whole(place / _DESCRIPTION, json_bytes(description))
 
 
 def _read_description(place: Path) -> dict[str, Any] | None:
@@ -131,10 +127,7 @@ def _read_description(place: Path) -> dict[str, Any] | None:
 
 def write_view(folder: Path, name: str, group: str, setting: str, labelled: LabelledView) -> dict[str, Any]:
     """Write colour and depth; the image's entry of the shard."""
-    rgb, depth = f"rgb/{name}.jpg", f"depth/{name}.png"
-    _write(folder / rgb, _encoded(".jpg", labelled.rgb[:, :, ::-1], cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY))
-    counts = np.rint(labelled.depth / np.float32(_DEPTH_UNIT)).astype(np.uint16)
-    _write(folder / depth, _encoded(".png", counts, cv2.IMWRITE_PNG_COMPRESSION, 3))
+    rgb, depth = write_pictures(folder, name, labelled.rgb, labelled.depth)
     image = {
         "file_name": rgb,
         "width": PHOTO_INTRINSICS.width,
@@ -172,9 +165,9 @@ def complete(place: Path, description: dict[str, Any], plants: int, *, made: int
         "annotations": annotations,
         "categories": categories,
     }
-    _write(place / _ANNOTATIONS, json.dumps(document, allow_nan=False, separators=(",", ":")).encode())
-    _write(place / _DESCRIPTION, _json(description))
-    _write(place / MARKER_FILE, _json({"made_by": "punnet", "complete": True}))
+    write_whole(place / _ANNOTATIONS, json.dumps(document, allow_nan=False, separators=(",", ":")).encode())
+    write_whole(place / _DESCRIPTION, json_bytes(description))
+    write_whole(place / MARKER_FILE, json_bytes({"made_by": "punnet", "complete": True}))
     shutil.rmtree(place / _SHARDS)
     for half in (*(place / "rgb").glob(".*"), *(place / "depth").glob(".*")):
         half.unlink()  # begun by a run that was killed
@@ -198,26 +191,8 @@ def is_finished(place: Path, plant: int) -> bool:
 
 def write_shard(place: Path, plant: int, entries: list[dict[str, Any]]) -> None:
     """Write a plant's labels, the entries of :func:`write_view`: from then on it counts as finished."""
-    _write(_shard_path(place, plant), _json(entries))
+    write_whole(_shard_path(place, plant), json_bytes(entries))
 
 
 def _shard_path(place: Path, plant: int) -> Path:
     return place / _SHARDS / f"{plant:06d}.json"
-
-
-def _json(value: Any) -> bytes:
-    return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
-
-
-def _encoded(suffix: str, image: NDArray[Any], *options: int) -> bytes:
-    done, encoded = cv2.imencode(suffix, image, list(options))
-    if not done:
-        raise OutputError(f"an image of {image.shape} could not be encoded as {suffix}")
-    return bytes(encoded.tobytes())
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Write a file in one step: there is never half of it."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    beside.write_bytes(content)
-    beside.replace(path)
