@@ -9,8 +9,9 @@ import torch
 
 from punnet.errors import ConfigurationError
 from punnet.outputs import Interrupted
+from punnet.train.loops import BatchDraws
 from punnet.train.weight import deep_training
-from punnet.train.weight.deep_module import BatchDraws, Curve, relative_loss
+from punnet.train.weight.deep_module import Curve, relative_loss
 from punnet.train.weight.hgnn import HGNN, HGNNConfig
 from punnet.train.weight.pointnet import POINTNET, PointNetConfig
 from tests.train.weight.domes import domes

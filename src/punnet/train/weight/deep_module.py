@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import Any
 
 import lightning
@@ -12,14 +11,14 @@ import torch
 from lightning.pytorch.callbacks import Callback
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.utils.data import Dataset, Sampler
+from torch.utils.data import Dataset
 
 from punnet.train.weight.deep_config import DeepConfig
 from punnet.train.weight.deep_inputs import BerryInputs
 from punnet.train.weight.deep_layers import WeightNetwork
 from punnet.train.weight.registry import Tell
 
-__all__ = ["VALIDATED", "BatchDraws", "Curve", "DeepModule", "DrawnBatches", "StillBatches", "relative_loss"]
+__all__ = ["VALIDATED", "Curve", "DeepModule", "DrawnBatches", "StillBatches", "relative_loss"]
 
 VALIDATED = "validation/loss"
 Batch = tuple[Tensor, Tensor]
@@ -31,35 +30,8 @@ def relative_loss(found: Tensor, grams: Tensor, tolerance: float) -> Tensor:
     return torch.nn.functional.smooth_l1_loss(relative, torch.zeros_like(relative))
 
 
-class BatchDraws(Sampler[tuple[int, NDArray[np.int64]]]):
-    """Batches of an epoch: a seed for what is drawn, and the berries. Tells nothing but by seed and epoch.
-
-    Every berry comes once an epoch, but for those left over by the last full batch, other ones each time.
-    """
-
-    def __init__(self, berries: int, batch: int, seed: int) -> None:
-        self.berries = berries
-        self.batch = min(batch, berries)
-        self.seed = seed
-        self.epoch = 0
-
-    def set_epoch(self, epoch: int) -> None:
-        """Called by Lightning, after a resumption too."""
-        self.epoch = epoch
-
-    def __len__(self) -> int:
-        return self.berries // self.batch
-
-    def __iter__(self) -> Iterator[tuple[int, NDArray[np.int64]]]:
-        generator = np.random.default_rng((self.seed, self.epoch))
-        order = generator.permutation(self.berries)
-        for index in range(len(self)):
-            chosen = order[index * self.batch : (index + 1) * self.batch]
-            yield int(generator.integers(2**31)), chosen
-
-
 class DrawnBatches(Dataset[Batch]):
-    """Inputs drawn at random, and grams, of what :class:`BatchDraws` asks for."""
+    """Inputs drawn at random, and grams, of what :class:`~punnet.train.loops.BatchDraws` asks for."""
 
     def __init__(self, inputs: BerryInputs, grams: NDArray[np.float64]) -> None:
         self.inputs = inputs

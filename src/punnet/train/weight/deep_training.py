@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import logging
-import signal
-import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,14 +16,14 @@ from lightning.pytorch.callbacks import EarlyStopping, ModelCheckpoint
 from torch.utils.data import DataLoader
 
 from punnet.errors import ConfigurationError
-from punnet.outputs import Interrupted, write_text
+from punnet.outputs import write_text
 from punnet.train.detector.config import config_to_json
+from punnet.train.loops import BatchDraws, fit_resumably, quiet_lightning
 from punnet.train.weight.deep_inputs import BerryInputs
 from punnet.train.weight.deep_layers import WeightNetwork
 from punnet.train.weight.deep_model import DeepWeightModel, load_deep_model
 from punnet.train.weight.deep_module import (
     VALIDATED,
-    BatchDraws,
     Curve,
     DeepModule,
     DrawnBatches,
@@ -165,22 +161,14 @@ def _train(
     module = DeepModule(network, config, seed=seed, steps=config.epochs * len(draws))
     curve = Curve(recipe.name, progress)
     last = folder / LAST
-    at_interrupt = signal.getsignal(signal.SIGINT)
-    with _quiet():
-        trainer = _trainer(config, folder, curve)
-        try:
-            trainer.fit(
-                module,
-                DataLoader(drawn, sampler=draws, batch_size=None),
-                DataLoader(still, batch_size=None),
-                ckpt_path=str(last) if last.exists() else None,
-                weights_only=True,
-            )
-        except SystemExit as stopped:
-            if not trainer.interrupted:
-                raise
-            signal.signal(signal.SIGINT, at_interrupt)
-            raise Interrupted(last if last.exists() else None) from stopped
+    with quiet_lightning():
+        fit_resumably(
+            _trainer(config, folder, curve),
+            module,
+            DataLoader(drawn, sampler=draws, batch_size=None),
+            DataLoader(still, batch_size=None),
+            last,
+        )
     return curve
 
 
@@ -259,20 +247,3 @@ def _take_best(network: WeightNetwork, checkpoint: Path) -> None:
         raise ConfigurationError(
             f"{checkpoint}: not a checkpoint of this model ({str(error).splitlines()[0]}); train in another folder"
         ) from error
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Lightning without its advice on hardware, loaders and checkpoints."""
-    loggers = [logging.getLogger(name) for name in ("lightning.pytorch", "lightning.fabric")]
-    levels = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.setLevel(logging.ERROR)
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", module="lightning")
-            warnings.filterwarnings("ignore", module="torch")
-            yield
-    finally:
-        for logger, level in zip(loggers, levels, strict=True):
-            logger.setLevel(level)
