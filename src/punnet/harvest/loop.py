@@ -13,11 +13,10 @@ from punnet.errors import KinematicsError, PlanningError, RobotError
 from punnet.harvest.attempts import Attempt, HarvestRun, Outcome, Phase
 from punnet.harvest.config import HarvestConfig
 from punnet.harvest.motions import Motions
-from punnet.harvest.order import obstacles, picking_order
+from punnet.harvest.order import picking_order
 from punnet.perception.detector import Detector
 from punnet.perception.picking_points import locate_picking_points
 from punnet.planning import Planner
-from punnet.planning.clearance import approach_directions
 from punnet.robot import Panda, Robot
 from punnet.scene import Frame, Strawberries, Target
 from punnet.weight import WeightEstimator
@@ -214,8 +213,9 @@ class Harvester:
         attempt.phase = Phase.PLAN
         if attempt.meant_for is None:
             raise _StepError("all punnets are full")
-        directions, _ = approach_directions(
-            attempt.picking_point, obstacles(attempt.frame, attempt.berries, attempt.row)
+        berries, row = attempt.berries, attempt.row
+        target = Target(
+            berries.boxes[row], attempt.picking_point, berry_id=int(berries.ids[row]), among=berries
         )
         refusal: Exception | None = None
         for direction in directions:

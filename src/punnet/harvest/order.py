@@ -1,14 +1,14 @@
-"""Which berry next, and what is in the way of it."""
+"""Which berry next."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from punnet.planning.clearance import Obstacles, approach_directions
+from punnet.planning.clearance import approach_directions, obstacles_among
 from punnet.scene import Frame, Strawberries
 
-__all__ = ["obstacles", "picking_order"]
+__all__ = ["picking_order"]
 
 _ROW_DEPTH = 0.03
 """Berries whose distance from the robot differs by less than this (metres) count as hanging equally far in front."""
@@ -25,21 +25,9 @@ def picking_order(frame: Frame, berries: Strawberries) -> NDArray[np.int64]:
     points = berries.picking_points
     candidates = np.flatnonzero(berries.pluckable & np.isfinite(points).all(axis=1))
     blocked = [
-        approach_directions(points[row], obstacles(frame, berries, int(row)))[1] < _FREE for row in candidates
+        approach_directions(points[row], obstacles_among(frame, berries, int(row)))[1] < _FREE
+        for row in candidates
     ]
     front = np.floor(points[candidates, 0] / _ROW_DEPTH)
     order = np.lexsort((points[candidates, 2], front, np.array(blocked, dtype=np.bool_)))
     return np.asarray(candidates[order], dtype=np.int64)
-
-
-def obstacles(frame: Frame, berries: Strawberries, row: int) -> Obstacles:
-    """All located berries but ``row``, with sizes from their boxes at their distance from the camera."""
-    points = berries.picking_points
-    located = np.isfinite(points).all(axis=1)
-    others = located & (np.arange(len(points)) != row)
-    sizes = np.zeros((int(others.sum()), 2))
-    if frame.camera is not None and frame.T_base_camera is not None:
-        distance = np.linalg.norm(points[others] - frame.T_base_camera[:3, 3], axis=1)
-        boxes = berries.boxes[others]
-        sizes = (boxes[:, 2:] - boxes[:, :2]) / (frame.camera.fx, frame.camera.fy) * distance[:, None]
-    return Obstacles(points[others], sizes[:, 0] / 2.0, sizes[:, 1])

@@ -14,7 +14,7 @@ from punnet.harvest.judge import Fate, judge, reachable_berries
 from punnet.harvest.loop import Harvester, Listener
 from punnet.perception import load_detector
 from punnet.perception.choosing import SIMULATION_DETECTOR
-from punnet.planning import ProMPDepthPlanner
+from punnet.planning import ClearestApproachPlanner, ProMPDepthPlanner
 from punnet.sim.depth_sensor import StereoDepthModel
 from punnet.sim.oracle import OracleDetector, OracleScale
 from punnet.sim.panda_robot import SimulatedPanda
@@ -75,7 +75,7 @@ class Session:
             self.robot,
             OracleDetector(self.robot) if detector is None else detector,
             scale,
-            ProMPDepthPlanner.from_bundle(),
+            ClearestApproachPlanner(ProMPDepthPlanner.from_bundle()),
             PUNNET_PLACES,
             scenario.harvest,
             self._listen,
