@@ -217,17 +217,11 @@ class Harvester:
         target = Target(
             berries.boxes[row], attempt.picking_point, berry_id=int(berries.ids[row]), among=berries
         )
-        refusal: Exception | None = None
-        for direction in directions:
-            target = Target(attempt.berries.boxes[attempt.row], attempt.picking_point, direction)
-            try:
-                attempt.distribution = self._planner.plan(attempt.frame, target, self._robot.joints())
-                self._motions.prepare(attempt.distribution)
-            except (PlanningError, KinematicsError) as error:
-                refusal = refusal or error
-            else:
-                return
-        raise _StepError(str(refusal)) from refusal
+        try:
+            attempt.distribution = self._planner.plan(attempt.frame, target, self._robot.joints())
+            self._motions.prepare(attempt.distribution)
+        except (PlanningError, KinematicsError) as error:
+            raise _StepError(str(error)) from error
 
     def _reach(self, attempt: Attempt) -> None:
         attempt.phase = Phase.REACH
