@@ -85,6 +85,13 @@ def test_interrupted_harvest_is_kept_and_said_so(tmp_path: Path) -> None:
     assert "interrupted" in (out / "report.html").read_text(encoding="utf-8")
     assert (out / "first_view.png").is_file()
     assert json.loads((out / MARKER_FILE).read_text())["complete"] is False
+    kinds = [json.loads(line)["kind"] for line in (out / "harvest.jsonl").read_text().splitlines()]
+    assert kinds == ["begun", "attempt_begun", "ended"]
+
+
+def test_resume_takes_everything_from_the_log(punnet, tmp_path: Path) -> None:
+    punnet("harvest", "--resume", "--out", tmp_path / "none").fails_with("holds no harvest.jsonl", "--resume")
+    punnet("harvest", "--resume", "--seed", "3", "--out", tmp_path).fails_with("leave the others out")
 
 
 @pytest.mark.parametrize("finished", [0, 2])

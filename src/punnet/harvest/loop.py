@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from punnet.errors import KinematicsError, PlanningError, RobotError
-from punnet.harvest.attempts import Attempt, HarvestRun, Outcome, Phase
+from punnet.errors import KinematicsError, OutputError, PlanningError, RobotError
+from punnet.harvest.attempts import Attempt, HarvestRun, History, Journal, Outcome, Phase
 from punnet.harvest.config import HarvestConfig
 from punnet.harvest.motions import Motions
 from punnet.harvest.order import picking_order
@@ -81,6 +82,41 @@ class Harvester:
         self._packer = Packer(LookAhead(packing), len(punnet_places))
         self._tried: list[_Remembered] = []
         self.run_so_far = HarvestRun()
+        self.journal: Journal | None = None
+        """Told of each attempt; set before :meth:`run`."""
+        self.is_home = False
+        """Whether the arm is known to be home, the tool open and empty; :meth:`run` goes there first if not."""
+        self._before = (0.0, 0.0)
+        self._began = (0.0, 0.0)
+
+    def restore(self, history: History) -> None:
+        """Take over what an earlier run had done: its attempts count, and their berries' tries and punnets are known."""
+        run = self.run_so_far
+        run.attempts.extend(history.attempts)
+        self._before = history.seconds
+        for attempt in history.attempts:
+            self._remember_try(attempt.picking_point)
+            if attempt.meant_for is None or math.isnan(attempt.reading):
+                continue
+            if attempt.outcome is Outcome.PICKED:
+                self._packer.place(attempt.meant_for, _weighed(attempt.berries, attempt.row, attempt.number))
+            self._packer.observe(attempt.meant_for, attempt.reading)
+        if history.attempts:
+            run.first_frame, run.first_berries = history.attempts[0].frame, history.attempts[0].berries
+
+    def reconcile(self) -> list[float]:
+        """Grams that each punnet holds beyond what the attempts account for, as the berry of a pick that was cut short.
+
+        For a robot whose world went on while the program was dead, after :meth:`restore`: the berry is in the
+        punnet's weight from then on, and counted as no pick.
+        """
+        gained = [
+            self._packer.observe(punnet, self._robot.weigh_punnet(punnet)) for punnet in self._packer.punnets
+        ]
+        for punnet, grams in enumerate(gained):
+            if grams > _EMPTY_PUNNET_NOISE:
+                self._tell(f"punnet {punnet + 1} holds {grams:.1f} g that no pick accounts for", None)
+        return gained
 
     def run(self) -> HarvestRun:
         """Harvest until no pluckable berry is left that has not been tried often enough.
@@ -89,9 +125,10 @@ class Harvester:
         result, with the reason in ``stopped``.
         """
         run = self.run_so_far
-        began, clock = self._robot.time, time.perf_counter()
+        self._began = (self._robot.time, time.perf_counter())
         try:
-            self._go_home()
+            if not self.is_home:
+                self._go_home()
             for _ in range(self.config.most_looks):
                 frame, berries = self._look(run)
                 chosen = self._choose(run, frame, berries)
@@ -100,14 +137,19 @@ class Harvester:
                 self._attempt(run, frame, berries, *chosen)
         except KeyboardInterrupt:
             run.interrupted = True
-        except (RobotError, KinematicsError) as error:
+        except (RobotError, KinematicsError, OutputError) as error:
             run.stopped = str(error)
             self._tell(f"stopped: {error}", None)
         run.punnet_weights = [punnet.grams for punnet in self._packer.punnets.values()]
         run.punnets_full = [number in self._packer.due() for number in self._packer.punnets]
-        run.seconds_simulated = self._robot.time - began
-        run.seconds_computing = time.perf_counter() - clock
+        self._take_time()
         return run
+
+    def _take_time(self) -> None:
+        """How long the run has taken until now."""
+        run = self.run_so_far
+        run.seconds_simulated = self._before[0] + self._robot.time - self._began[0]
+        run.seconds_computing = self._before[1] + time.perf_counter() - self._began[1]
 
     def _go_home(self) -> None:
         """Home, or the end of the run: from anywhere else the plant is not seen as it should be."""
@@ -182,6 +224,8 @@ class Harvester:
             meant_for=punnet,
         )
         run.attempts.append(attempt)
+        if self.journal is not None:
+            self.journal.begin(attempt)
         self._remember_try(attempt.picking_point)
         began, clock = self._robot.time, time.perf_counter()
         try:
@@ -195,6 +239,9 @@ class Harvester:
             attempt.seconds_simulated = self._robot.time - began
             attempt.seconds_computing = time.perf_counter() - clock
         self._tell(_summary(attempt), attempt)
+        self._take_time()
+        if self.journal is not None:
+            self.journal.end(attempt)
 
     def _pick(self, attempt: Attempt) -> None:
         """All the steps of one pick; whatever fails, the tool ends empty, open and out of the plant."""
@@ -262,7 +309,8 @@ class Harvester:
         berry = _weighed(attempt.berries, attempt.row, attempt.number)
         self._packer.place(punnet, berry)
         self._go_home()
-        gained = self._packer.observe(punnet, self._robot.weigh_punnet(punnet))
+        attempt.reading = self._robot.weigh_punnet(punnet)
+        gained = self._packer.observe(punnet, attempt.reading)
         if gained < _EMPTY_PUNNET_NOISE:
             self._packer.lost(punnet, berry)
             raise _StepError(moved.reason or "the berry was lost on the way to the punnet")

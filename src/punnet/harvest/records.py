@@ -180,6 +180,8 @@ class HarvestReport:
         MP4 bytes (H.264, so that browsers play it), None without.
     interrupted
         Whether it was stopped from outside; the report is of what was done until then.
+    resumed
+        Numbers of the attempts with which it went on after a kill or an interruption.
     """
 
     ripe: int
@@ -195,6 +197,7 @@ class HarvestReport:
     first_view: bytes | None = None
     video: bytes | None = None
     interrupted: bool = False
+    resumed: Sequence[int] = ()
 
     @property
     def picked(self) -> list[PickRecord]:
@@ -228,6 +231,7 @@ class HarvestReport:
             "title": self.title,
             "created": self.created,
             "interrupted": self.interrupted,
+            "resumed_with": list(self.resumed),
             "ripe": self.ripe,
             "picked": len(self.picked),
             "grams": round(self.grams, 2),

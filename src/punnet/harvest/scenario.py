@@ -8,7 +8,7 @@ from types import TracebackType
 import numpy as np
 
 from punnet.errors import ConfigurationError
-from punnet.harvest.attempts import Attempt, HarvestRun
+from punnet.harvest.attempts import Attempt, HarvestRun, History
 from punnet.harvest.config import HarvestConfig
 from punnet.harvest.judge import Fate, judge, reachable_berries
 from punnet.harvest.loop import Harvester, Listener
@@ -99,6 +99,12 @@ class Session:
             self._hanging = self.world.attached()
         if self._listener is not None:
             self._listener(line, attempt)
+
+    def resume(self, history: History) -> None:
+        """Go on from what an earlier run did; its world and its ``truth_of`` have been restored already."""
+        self._hanging = self.world.attached()
+        self.harvester.restore(history)
+        self.harvester.is_home = bool(history.attempts)
 
     def run(self) -> HarvestRun:
         """Harvest."""

@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from punnet.harvest.attempts import Attempt, HarvestRun
+from punnet.harvest.folder import HarvestFolder
+from punnet.harvest.journal import SessionJournal
 from punnet.harvest.loop import CUTTING
+from punnet.harvest.picks_table import write_picks
 from punnet.harvest.records import HarvestReport
 from punnet.harvest.report import write_report
 from punnet.harvest.scenario import Scenario, Session
 from punnet.harvest.telling import annotated_first_view, tell
-from punnet.outputs import OutputFolder
 from punnet.planning.plot import plot_distribution
 from punnet.sim.film import Recorder, render_close_ups, render_film
 
-__all__ = ["Announcer", "harvest_into"]
+__all__ = ["Announcer", "harvest_into", "journaled_session"]
 
 
 @dataclass
@@ -31,36 +35,42 @@ class Announcer:
 
 
 def harvest_into(
-    output: OutputFolder, scenario: Scenario, announcer: Announcer | None = None
+    output: HarvestFolder,
+    scenario: Scenario,
+    announcer: Announcer | None = None,
+    options: Mapping[str, Any] | None = None,
 ) -> HarvestReport:
     """Harvest a simulated plant and write the folder.
 
-    It holds ``first_view.png`` (what was found), ``frame/`` (the first RGB-D frame), ``reach.png`` (the trajectory
-    distribution of the first plan), ``harvest.mp4``, ``harvest.json`` and ``report.html``, which holds all of it.
-    Interrupted, it still writes all but the film.
+    While it runs it holds ``harvest.jsonl`` (the log: a line an event, on the disk before the next) and ``picks/``, a
+    folder for each attempt with the frame, berries and planned reach it began with. At the end it also holds
+    ``first_view.png`` (what was found), ``frame/`` (the first RGB-D frame), ``reach.png`` (the trajectory
+    distribution of the first plan), ``harvest.mp4``, ``harvest.json``, ``picks.parquet`` (if pyarrow is there) and
+    ``report.html``, which holds all of it. Interrupted, it still writes all but the film.
 
     Parameters
     ----------
     output
-        An open output folder.
+        An open folder; if it was opened to resume, the harvest goes on from the last attempt that ended.
+    options
+        What the command was given, for the log: it makes the same scenario of them to resume.
 
     Raises
     ------
     KeyboardInterrupt
         After the partial results were written, if the run was interrupted.
+    OutputError
+        If the disk does not take what is written; the arm is home by then.
     """
     announcer = announcer or Announcer()
-    recorder = Recorder()
-
-    def listen(text: str, attempt: Attempt | None) -> None:
-        recorder.caption = text if attempt is None else f"berry {attempt.number}: {text}"
-        announcer.line(recorder.caption)
-
-    with Session(scenario, listen) as session:
-        session.robot.observers.append(recorder)
+    with journaled_session(output, scenario, options or {}, announcer.line) as (session, journal, recorder):
         run = session.run()
+        journal.note(
+            "ended", interrupted=run.interrupted, stopped=run.stopped, punnets_g=list(run.punnet_weights)
+        )
         _write_pictures(output, run)
         report = tell(session, run, _close_ups(session, run, recorder))
+        report = replace(report, created=journal.created, resumed=tuple(journal.history.resumed))
         _write(output, report)
         if run.interrupted:
             raise KeyboardInterrupt
@@ -69,6 +79,31 @@ def harvest_into(
     report = replace(report, video=video.read_bytes())
     _write(output, report)
     return report
+
+
+@contextmanager
+def journaled_session(
+    output: HarvestFolder,
+    scenario: Scenario,
+    options: Mapping[str, Any],
+    line: Callable[[str], None] = lambda text: None,
+) -> Iterator[tuple[Session, SessionJournal, Recorder]]:
+    """A session that is filmed and writes down each attempt in ``output``; brought to where the log there ends.
+
+    ``line`` is told of each step.
+    """
+    recorder = Recorder()
+
+    def listen(text: str, attempt: Attempt | None) -> None:
+        recorder.caption = text if attempt is None else f"berry {attempt.number}: {text}"
+        line(recorder.caption)
+
+    with Session(scenario, listen) as session:
+        journal = SessionJournal(output, session, recorder, options)
+        session.resume(journal.history)
+        session.harvester.journal = journal
+        session.robot.observers.append(recorder)
+        yield session, journal, recorder
 
 
 def _close_ups(session: Session, run: HarvestRun, recorder: Recorder) -> dict[int, NDArray[np.uint8]]:
@@ -82,18 +117,19 @@ def _close_ups(session: Session, run: HarvestRun, recorder: Recorder) -> dict[in
     }
 
 
-def _write_pictures(output: OutputFolder, run: HarvestRun) -> None:
+def _write_pictures(output: HarvestFolder, run: HarvestRun) -> None:
     view = annotated_first_view(run)
     if view is not None and run.first_frame is not None:
         (output.path / "first_view.png").write_bytes(view)
-        run.first_frame.save(output.path / "frame")
+        run.first_frame.save(output.path / "frame", force=True)
     planned = next((attempt for attempt in run.attempts if attempt.distribution is not None), None)
     if planned is not None and planned.distribution is not None:
         plot_distribution(planned.distribution, output.path / "reach.png", title="Reach to the first berry")
 
 
-def _write(output: OutputFolder, report: HarvestReport) -> None:
+def _write(output: HarvestFolder, report: HarvestReport) -> None:
     text = json.dumps(report.to_json(), indent=2, ensure_ascii=False, allow_nan=False)
     (output.path / "harvest.json").write_text(text + "\n", encoding="utf-8")
     write_report(output.path / "report.html", report)
-    output.finished()
+    write_picks(output.path / "picks.parquet", report.picks)
+    output.keep()

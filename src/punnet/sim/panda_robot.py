@@ -14,6 +14,7 @@ from punnet.robot import CutResult, GripResult, MotionResult, Panda
 from punnet.robot.tool import T_FLANGE_CAMERA
 from punnet.scene import Frame
 from punnet.sim.arm import SERVO_LAG
+from punnet.sim.camera_effects import CameraEffects, apply_effects
 from punnet.sim.cutting import CUT_ABOVE_CALYX, StemState, apply_cut, gripped_berries, stem_states
 from punnet.sim.depth_sensor import StereoDepthModel
 from punnet.sim.layers import ARM_VISUAL
@@ -48,17 +49,24 @@ class SimulatedPanda:
     world
         The world to act in.
     rng
-        Draws sensor noise.
+        Draws sensor noise; kept as ``noise``.
     depth_sensor
         The camera's error model; None gives the true depth.
+    camera
+        What the colour camera makes of the light; None gives the picture as it is rendered.
     """
 
     def __init__(
-        self, world: World, rng: np.random.Generator, depth_sensor: StereoDepthModel | None = None
+        self,
+        world: World,
+        rng: np.random.Generator,
+        depth_sensor: StereoDepthModel | None = None,
+        camera: CameraEffects | None = None,
     ) -> None:
         self.world = world
-        self._rng = rng
+        self.noise = rng
         self._depth_sensor = depth_sensor
+        self._camera = camera
         self._arm = Panda()
         self._renderer: CameraRenderer | None = None
         self.observers: list[Observer] = []
@@ -90,8 +98,10 @@ class SimulatedPanda:
                 self.world.model, WRIST_CAMERA.width, WRIST_CAMERA.height, hidden_groups=(ARM_VISUAL,)
             )
         rgb, depth = self._renderer.render_rgbd(self.world.data, CAMERA_NAME)
+        if self._camera is not None:
+            rgb = apply_effects(rgb, self._camera, self.noise)
         if self._depth_sensor is not None:
-            depth = self._depth_sensor.apply(depth, rgb, self._rng)
+            depth = self._depth_sensor.apply(depth, rgb, self.noise)
         return Frame(
             rgb, depth, WRIST_CAMERA, self.camera_pose(), timestamp=self.time, name=f"frame-{self.time:08.3f}"
         )
@@ -184,7 +194,7 @@ class SimulatedPanda:
             for berry, centre in zip(self.world.cluster.berries, centres, strict=True)
             if inside_punnet(centre) == punnet
         )
-        return float(grams + self._rng.normal(0.0, _WEIGH_NOISE))
+        return float(grams + self.noise.normal(0.0, _WEIGH_NOISE))
 
     def gripped(self) -> set[int]:
         """Ground truth: berries whose stem both pads hold."""
