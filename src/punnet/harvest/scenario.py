@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from types import TracebackType
+from typing import cast
 
 import numpy as np
 
@@ -12,9 +13,14 @@ from punnet.harvest.attempts import Attempt, HarvestRun, History
 from punnet.harvest.config import HarvestConfig
 from punnet.harvest.judge import Fate, judge, reachable_berries
 from punnet.harvest.loop import Harvester, Listener
+from punnet.harvest.suites import suite_of
+from punnet.harvest.timing import TimedRobot
 from punnet.perception import load_detector
 from punnet.perception.choosing import SIMULATION_DETECTOR
-from punnet.planning import ClearestApproachPlanner, ProMPDepthPlanner
+from punnet.planning import ProMPDepthPlanner
+from punnet.planning.choice import DEFAULT_CHOICE, with_choice
+from punnet.robot import Robot
+from punnet.sim.camera_effects import NIGHT_CAMERA
 from punnet.sim.depth_sensor import StereoDepthModel
 from punnet.sim.oracle import OracleDetector, OracleScale
 from punnet.sim.panda_robot import SimulatedPanda
@@ -43,16 +49,31 @@ class Scenario:
         What is grown.
     harvest
         How the loop moves.
+    suite
+        One of :data:`~punnet.harvest.suites.SUITES`: the plant and the light are those of its ``seed``, in place of
+        what ``world`` says of them.
+    choice
+        How a reach is chosen; see :mod:`punnet.planning.choice`.
     """
 
     seed: int
     perception: str = SIMULATION_DETECTOR
     world: WorldConfig = field(default_factory=WorldConfig)
     harvest: HarvestConfig = field(default_factory=HarvestConfig)
+    suite: str | None = None
+    choice: str = DEFAULT_CHOICE
 
     def __post_init__(self) -> None:
         if self.seed < 0:
             raise ConfigurationError(f"seed must be ≥ 0, got {self.seed}")
+
+    def plant(self) -> tuple[int, WorldConfig]:
+        """Seed and config of the world to build."""
+        return (
+            (self.seed, self.world)
+            if self.suite is None
+            else suite_of(self.suite).plant(self.seed, self.world)
+        )
 
 
 class Session:
@@ -67,15 +88,19 @@ class Session:
         detector = None if scenario.perception == ORACLE else load_detector(scenario.perception)
         scale = OracleScale() if detector is None else load_weight_estimator()
         self.scale_name = scale.name
-        self.world = build_world(scenario.seed, scenario.world)
+        world_seed, config = scenario.plant()
+        self.world = build_world(world_seed, config)
         self.reachable = reachable_berries(self.world)
         noise = np.random.default_rng((scenario.seed, 1))
-        self.robot = SimulatedPanda(self.world, noise, StereoDepthModel())
+        camera = NIGHT_CAMERA if config.light == "lamp" else None
+        self.robot = SimulatedPanda(self.world, noise, StereoDepthModel(), camera)
+        self.timed = TimedRobot(self.robot)
+        """The robot as the harvester has it."""
         self.harvester = Harvester(
-            self.robot,
+            cast(Robot, self.timed),
             OracleDetector(self.robot) if detector is None else detector,
             scale,
-            ClearestApproachPlanner(ProMPDepthPlanner.from_bundle()),
+            with_choice(ProMPDepthPlanner.from_bundle(), scenario.choice),
             PUNNET_PLACES,
             scenario.harvest,
             self._listen,
