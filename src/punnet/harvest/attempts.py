@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from punnet.errors import FileFormatError
+from punnet.harvest.failures import Failure, Recovery
 from punnet.movement import TrajectoryDistribution
 from punnet.scene import Frame, Strawberries
 
@@ -26,16 +27,20 @@ class Outcome(StrEnum):
 
 
 class Phase(StrEnum):
-    """The steps of one pick, in order; a failure names the one it happened in."""
+    """The steps of a harvest, in order; a failure names the one it happened in."""
 
-    LOCATE = "locate"
+    LOOK = "look"
+    PERCEIVE = "perceive"
+    WEIGH = "weigh"
+    ORDER = "order"
     PLAN = "plan"
+    CHECK = "check"
     REACH = "reach"
     SEPARATE = "separate"
     GRIP = "grip"
     CUT = "cut"
-    RETREAT = "retreat"
     PLACE = "place"
+    VERIFY = "verify"
 
 
 @dataclass(eq=False)
@@ -45,7 +50,9 @@ class Attempt:
     ``picking_point`` is (3,) metres in the base frame, NaN if depth gave none; ``estimate`` and ``interval`` are grams,
     NaN if unknown; ``meant_for`` is the punnet that was chosen for it before the pick, None if all were full; ``weighed`` is
     what the weigh cell gained, NaN if nothing was placed; ``punnet`` is where it went; ``reading`` is the weigh cell of
-    ``meant_for`` after the attempt, NaN if it was not read.
+    ``meant_for`` after the attempt, NaN if it was not read. ``failure`` is the name of the reason why it was not
+    picked, ``reason`` tells more. ``approach`` (3,) is the direction along which the tool came in, None if it did not;
+    ``second_view`` whether the frame was not taken from home; ``carried`` what went wrong with the berry in the grip.
     """
 
     number: int
@@ -57,8 +64,12 @@ class Attempt:
     interval: tuple[float, float]
     meant_for: int | None
     outcome: Outcome = Outcome.FAILED
-    phase: Phase = Phase.LOCATE
+    phase: Phase = Phase.ORDER
+    failure: Failure | None = None
     reason: str | None = None
+    approach: NDArray[np.float64] | None = None
+    second_view: bool = False
+    carried: str | None = None
     weighed: float = float("nan")
     punnet: int | None = None
     reading: float = float("nan")
@@ -80,7 +91,10 @@ class Attempt:
             "row": self.row,
             "outcome": str(self.outcome),
             "phase": str(self.phase),
+            "failure": None if self.failure is None else self.failure.name.lower(),
             "reason": self.reason,
+            "approach": None if self.approach is None else self.approach.tolist(),
+            "second_view": self.second_view,
             "picking_point": [_nullable(value) for value in self.picking_point],
             "estimate_g": _nullable(self.estimate),
             "interval_g": [_nullable(value) for value in self.interval],
@@ -122,7 +136,10 @@ class Attempt:
                 meant_for=data["meant_for"],
                 outcome=Outcome(data["outcome"]),
                 phase=Phase(data["phase"]),
+                failure=None if data["failure"] is None else Failure[data["failure"].upper()],
                 reason=data["reason"],
+                approach=None if data["approach"] is None else np.array(data["approach"], dtype=np.float64),
+                second_view=bool(data["second_view"]),
                 weighed=_number(data["weighed_g"]),
                 punnet=data["punnet"],
                 reading=_number(data["reading_g"]),
@@ -141,7 +158,7 @@ class HarvestRun:
     """All attempts of a run, what was seen first and last, the punnets' weights in grams and which of them are full.
 
     ``interrupted`` is True when the run was stopped from outside (Ctrl-C) and holds what was done until then;
-    ``stopped`` is why the robot ended it early, None if it did not.
+    ``stopped`` is why the robot ended it early, None if it did not, and ``home`` whether the arm got home after that.
     """
 
     attempts: list[Attempt] = field(default_factory=list)
@@ -154,6 +171,7 @@ class HarvestRun:
     seconds_computing: float = 0.0
     interrupted: bool = False
     stopped: str | None = None
+    home: bool = True
 
     @property
     def picked(self) -> list[Attempt]:
@@ -183,6 +201,9 @@ class Journal(Protocol):
 
     def end(self, attempt: Attempt) -> None:
         """It has ended, the arm is home."""
+
+    def failed(self, phase: Phase, failure: Failure, reason: str, recovery: Recovery) -> None:
+        """A step has failed, and what is done about it."""
 
 
 def _nullable(value: float) -> float | None:

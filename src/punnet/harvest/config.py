@@ -23,6 +23,8 @@ class HarvestConfig:
         Metres the tool backs out along its approach before it turns to the punnet.
     attempts
         Tries at one berry before it is set aside.
+    patience
+        Looks in a row that may give nothing before the harvest stops.
     same_berry
         Metres within which picking points of two looks are the same berry.
     most_looks
@@ -39,6 +41,7 @@ class HarvestConfig:
     careful_speed: float = 0.5
     retreat: float = 0.11
     attempts: int = 2
+    patience: int = 3
     same_berry: float = 0.025
     most_looks: int = 60
     separation: float = 1.0
@@ -50,7 +53,11 @@ class HarvestConfig:
             raise ConfigurationError(
                 f"harvest: speeds must lie in (0, 1], got {self.speed} and {self.careful_speed}"
             )
-        if self.attempts < 1 or self.most_looks < 1 or self.retreat <= 0 or self.same_berry <= 0:
+        if (
+            min(self.attempts, self.patience, self.most_looks) < 1
+            or self.retreat <= 0
+            or self.same_berry <= 0
+        ):
             raise ConfigurationError(
-                "harvest: attempts and most_looks must be ≥ 1, retreat and same_berry > 0"
+                "harvest: attempts, patience and most_looks must be ≥ 1, retreat and same_berry > 0"
             )

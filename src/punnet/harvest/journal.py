@@ -10,8 +10,9 @@ from typing import Any
 
 from punnet import __version__
 from punnet.errors import FileFormatError
-from punnet.harvest.attempts import Attempt, History
+from punnet.harvest.attempts import Attempt, History, Phase
 from punnet.harvest.durable import write_durably
+from punnet.harvest.failures import Failure, Recovery
 from punnet.harvest.folder import LOG_SCHEMA, HarvestFolder
 from punnet.harvest.scenario import Session
 from punnet.movement import TrajectoryDistribution
@@ -83,6 +84,12 @@ class SessionJournal:
             seconds=[run.seconds_simulated, run.seconds_computing],
         )
         self._resume_file("state", number - 1).unlink(missing_ok=True)
+
+    def failed(self, phase: Phase, failure: Failure, reason: str, recovery: Recovery) -> None:
+        """Write down a step that failed, and what is done about it."""
+        self.note(
+            "failed", phase=str(phase), failure=failure.name.lower(), reason=reason, recovery=str(recovery)
+        )
 
     def note(self, kind: str, **fields: Any) -> None:
         """Write down something else that happened."""

@@ -1,4 +1,4 @@
-"""The motions of a pick, each within the arm's limits: home, reach, retreat, carry."""
+"""The motions of a pick, each within the arm's limits: home, second view, reach, retreat, carry."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 from punnet.errors import KinematicsError
 from punnet.geometry import invert_transform, make_transform
 from punnet.harvest.config import HarvestConfig
+from punnet.harvest.failures import Failure, StepFailed
 from punnet.harvest.punnets import slot_offset
 from punnet.movement import JointTrajectory, TrajectoryDistribution, retime
-from punnet.planning.approach import approach_rotation
+from punnet.planning.approach import angles_of_approach, approach_rotation
 from punnet.robot import (
     HOME,
+    T_FLANGE_CAMERA,
     T_FLANGE_TOOL,
     MotionResult,
     Panda,
@@ -30,6 +32,8 @@ _RELEASE_HEIGHT = 0.070  # and where it lets go: the fruit then hangs 5 to 20 mm
 _GRIP_TO_FRUIT = 0.034  # from the grip along the stem to the middle of the fruit, which tilts with the tool
 _LAYER_HEIGHT = 0.030
 _BERRIES_A_LAYER = 6
+_VIEW_DISTANCE = 0.38  # metres from the camera to the berry for a second view
+_BELOW_POINT = 0.02  # metres below the picking point that it looks at: the berry's middle
 
 
 class Motions:
@@ -63,8 +67,36 @@ class Motions:
         self._robot.release()
         return self._through(np.stack((self._robot.joints(), HOME)), self._config.speed)
 
-    def prepare(self, distribution: TrajectoryDistribution) -> None:
-        """Time the mean reach of ``distribution`` from where the arm is.
+    def require_home(self) -> None:
+        """Home.
+
+        Raises
+        ------
+        StepFailed
+            If the arm does not get there: from anywhere else the plant is not seen as it should be.
+        """
+        home = self.go_home()
+        if not home.reached:
+            raise StepFailed(Failure.NOT_HOME, home.reason or "")
+
+    def look_along(self, point: NDArray[np.float64], direction: NDArray[np.float64]) -> MotionResult:
+        """Bring the camera to where it looks at the berry under ``point`` (3,) along ``direction`` (3,).
+
+        Raises
+        ------
+        KinematicsError
+            If the arm can't hold it there.
+        """
+        rotation = approach_rotation(*angles_of_approach(direction))
+        T_tool_camera = invert_transform(T_FLANGE_TOOL) @ T_FLANGE_CAMERA
+        eye = point - np.array([0.0, 0.0, _BELOW_POINT]) - _VIEW_DISTANCE * direction
+        tool = eye - rotation @ T_tool_camera[:3, 3]
+        pose = self._arm.flange_pose(make_transform(rotation, tool))
+        joints = nearest_solution(pose, HOME, arm=self._arm)
+        return self._through(np.stack((self._robot.joints(), joints)), self._config.speed)
+
+    def prepare(self, distribution: TrajectoryDistribution) -> NDArray[np.float64]:
+        """Time the mean reach of ``distribution`` from where the arm is; the direction (3,) along which the tool comes in.
 
         Raises
         ------
@@ -74,6 +106,7 @@ class Motions:
         path = distribution.mean(np.linspace(0.0, 1.0, _PATH_POINTS))
         path[0] = self._robot.joints()
         self._reach = retime(path, self._arm.limits, speed=self._config.careful_speed)
+        return np.asarray(self._arm.forward_kinematics_tool(path[-1])[:3, 2])
 
     def reach(self) -> MotionResult:
         """Follow the prepared reach."""

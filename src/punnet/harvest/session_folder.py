@@ -66,7 +66,11 @@ def harvest_into(
     with journaled_session(output, scenario, options or {}, announcer.line) as (session, journal, recorder):
         run = session.run()
         journal.note(
-            "ended", interrupted=run.interrupted, stopped=run.stopped, punnets_g=list(run.punnet_weights)
+            "ended",
+            interrupted=run.interrupted,
+            stopped=run.stopped,
+            home=run.home,
+            punnets_g=list(run.punnet_weights),
         )
         _write_pictures(output, run)
         report = tell(session, run, _close_ups(session, run, recorder))

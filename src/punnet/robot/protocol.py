@@ -82,6 +82,6 @@ class Robot(Protocol):
         """Open the grasping fingers."""
         ...
 
-    def weigh_punnet(self, punnet: int) -> float:
-        """Reading of the weigh cell under a punnet, grams."""
+    def weigh_punnet(self, punnet: int) -> float | None:
+        """Reading of the weigh cell under a punnet, grams; None if there is no cell."""
         ...
