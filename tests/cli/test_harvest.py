@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from punnet.bundle import load_bundle
-from punnet.harvest.benchmark import ClusterResult
+from punnet.harvest.benchmark_plants import PlantResult
 from punnet.outputs import MARKER_FILE
 
 # A shell that runs the tests in the background has Ctrl-C ignored, and its children inherit that.
@@ -98,9 +98,9 @@ def test_resume_takes_everything_from_the_log(punnet, tmp_path: Path) -> None:
 def test_interrupted_benchmark_gives_the_figures_of_what_is_done(
     punnet, monkeypatch: pytest.MonkeyPatch, finished: int
 ) -> None:
-    def broken_off(*args: object, progress: Callable[[ClusterResult], None], **kwargs: object) -> None:
-        for seed in range(finished):
-            progress(ClusterResult(seed))
+    def broken_off(*args: object, progress: Callable[[PlantResult], None], **kwargs: object) -> None:
+        for number in range(finished):
+            progress(PlantResult(number, 7))
         raise KeyboardInterrupt
 
     monkeypatch.setattr("punnet.harvest.benchmark.run_benchmark", broken_off)
