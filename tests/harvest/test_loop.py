@@ -160,10 +160,10 @@ def test_an_arm_that_is_held_up_ends_the_run_safely():
     with a_session() as session:
         follow = session.robot.follow
 
-        def held_up(trajectory: JointTrajectory) -> MotionResult:
+        def held_up(trajectory: JointTrajectory, force_limit: float | None = None) -> MotionResult:
             if session.robot.time > 4.0:
                 return MotionResult(False, "arm held up")
-            return follow(trajectory)
+            return follow(trajectory, force_limit)
 
         session.robot.follow = held_up
         run = session.run()

@@ -29,6 +29,8 @@ class HarvestConfig:
         Metres within which picking points of two looks are the same berry.
     most_looks
         Looks after which the loop ends whatever it sees; a guard against endless loops.
+    reach_force
+        Newtons of the tool on a fruit at which a reach is broken off; None: never.
     separation
         Opening of the separation fingers once the stem is between the pads, in [0, 1].
     nominal_punnet
@@ -44,6 +46,7 @@ class HarvestConfig:
     patience: int = 3
     same_berry: float = 0.025
     most_looks: int = 60
+    reach_force: float | None = 8.0
     separation: float = 1.0
     nominal_punnet: float = 250.0
     punnet_berries: int = 18

@@ -27,7 +27,7 @@ from punnet.harvest.seeing import Look, Perceive, Weigh
 from punnet.harvest.situation import Listener, Parts, Situation, Step, weighed
 from punnet.perception.detector import Detector
 from punnet.planning import Planner
-from punnet.robot import Panda, Robot
+from punnet.robot import GuardedRobot, MotionGuard, Robot
 from punnet.weight import WeightEstimator
 from punnet.weight.packing import LookAhead, Packer, PackingConfig
 
@@ -53,6 +53,8 @@ class Harvester:
         Settings.
     listener
         Told of each step.
+    guard
+        What every motion has to pass; the Panda's limits and its own body if None, but no structure.
     """
 
     def __init__(
@@ -64,16 +66,18 @@ class Harvester:
         punnet_places: NDArray[np.float64],
         config: HarvestConfig | None = None,
         listener: Listener | None = None,
+        guard: MotionGuard | None = None,
     ) -> None:
         self.config = config = config or HarvestConfig()
         packing = PackingConfig(config.nominal_punnet, config.punnet_berries)
         self._places = len(punnet_places)
+        guarded = GuardedRobot(robot, guard or MotionGuard())
         self._parts = Parts(
-            robot,
+            guarded,
             detector,
             scale,
             planner,
-            Motions(robot, Panda(), punnet_places, config),
+            Motions(guarded, guarded.guard.arm, punnet_places, config),
             Packer(LookAhead(packing), self._places),
             config,
             listener or (lambda line, attempt: None),

@@ -16,9 +16,9 @@ from punnet.robot import (
     HOME,
     T_FLANGE_CAMERA,
     T_FLANGE_TOOL,
+    GuardedRobot,
     MotionResult,
     Panda,
-    Robot,
     follow_path,
     nearest_solution,
 )
@@ -52,7 +52,7 @@ class Motions:
     """
 
     def __init__(
-        self, robot: Robot, arm: Panda, punnet_places: NDArray[np.float64], config: HarvestConfig
+        self, robot: GuardedRobot, arm: Panda, punnet_places: NDArray[np.float64], config: HarvestConfig
     ) -> None:
         self._robot = robot
         self._arm = arm
@@ -102,17 +102,22 @@ class Motions:
         ------
         KinematicsError
             If it leaves the joint limits.
+        StepFailed
+            If the robot's guard would refuse it.
         """
         path = distribution.mean(np.linspace(0.0, 1.0, _PATH_POINTS))
         path[0] = self._robot.joints()
         self._reach = retime(path, self._arm.limits, speed=self._config.careful_speed)
+        refusal = self._robot.refusal(self._reach)
+        if refusal is not None:
+            raise StepFailed(Failure.UNSAFE, refusal)
         return np.asarray(self._arm.forward_kinematics_tool(path[-1])[:3, 2])
 
     def reach(self) -> MotionResult:
         """Follow the prepared reach."""
         if self._reach is None:
             raise KinematicsError("reach: prepare a distribution first")
-        return self._robot.follow(self._reach)
+        return self._robot.follow(self._reach, self._config.reach_force)
 
     def retreat(self) -> MotionResult:
         """Straight back out along the tool's axis."""

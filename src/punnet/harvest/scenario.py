@@ -19,12 +19,13 @@ from punnet.perception import load_detector
 from punnet.perception.choosing import SIMULATION_DETECTOR
 from punnet.planning import ProMPDepthPlanner
 from punnet.planning.choice import DEFAULT_CHOICE, with_choice
-from punnet.robot import Robot
+from punnet.robot import MotionGuard, Robot
 from punnet.sim.camera_effects import NIGHT_CAMERA
 from punnet.sim.depth_sensor import StereoDepthModel
 from punnet.sim.oracle import OracleDetector, OracleScale
 from punnet.sim.panda_robot import SimulatedPanda
 from punnet.sim.punnets import PUNNET_PLACES
+from punnet.sim.structure import structure_boxes
 from punnet.sim.world import WorldConfig, build_world
 from punnet.weight.choosing import load_weight_estimator
 
@@ -104,6 +105,7 @@ class Session:
             PUNNET_PLACES,
             scenario.harvest,
             self._listen,
+            MotionGuard(structure=structure_boxes(self.world)),
         )
         self._hanging = self.world.attached()
 

@@ -12,7 +12,7 @@ from punnet.harvest.memory import Memory, Place
 from punnet.harvest.motions import Motions
 from punnet.perception.detector import Detector
 from punnet.planning import Planner
-from punnet.robot import Robot
+from punnet.robot import GuardedRobot
 from punnet.scene import Frame, Strawberries
 from punnet.weight import WeightEstimator
 from punnet.weight.packing import Packer, WeighedBerry
@@ -27,7 +27,7 @@ Listener = Callable[[str, Attempt | None], None]
 class Parts:
     """What a harvest is done with; the same from beginning to end."""
 
-    robot: Robot
+    robot: GuardedRobot
     detector: Detector
     scale: WeightEstimator
     planner: Planner
