@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from punnet.errors import ConfigurationError
 from punnet.planning.clearest_approach import ClearestApproachPlanner
+from punnet.planning.collision_aware import CollisionAwarePlanner
 from punnet.planning.planner import Planner
 
 __all__ = ["CHOICES", "DEFAULT_CHOICE", "with_choice"]
@@ -18,8 +19,10 @@ def _mean(planner: Planner) -> Planner:
 CHOICES: dict[str, Callable[[Planner], Planner]] = {
     "mean": _mean,
     "clearest": ClearestApproachPlanner,
+    "collision-aware": CollisionAwarePlanner,
 }
-"""``mean``: the planner's own; ``clearest``: along the approach with most room."""
+"""``mean``: the planner's own; ``clearest``: along the approach with most room; ``collision-aware``: of many the one that
+costs least in the observed scene."""
 
 DEFAULT_CHOICE = "clearest"
 
