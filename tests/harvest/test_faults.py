@@ -36,7 +36,7 @@ def two_berries():
     """One look at a simulated plant, and two ripe berries in it."""
     with Session(Scenario(6, "oracle", WorldConfig(arm_visuals=False))) as session:
         frame = session.robot.look()
-        berries = session.harvester._parts.detector.detect(frame)
+        berries = session.harvester._parts.eyes._detector.detect(frame)
         points = berries.picking_points[berries.pluckable]
         rows = np.flatnonzero(berries.pluckable)[np.argsort(points[:, 1])[[0, -1]]]
         return frame, berries[rows]
@@ -61,6 +61,14 @@ def session(two_berries):
     return Running(robot, harvester)
 
 
+def exchanged(session, **parts):
+    """Other parts than the harvester was built with."""
+    harvester = session.harvester
+    harvester._parts = replace(harvester._parts, **parts)
+    for phase, step in harvester._steps.items():
+        harvester._steps[phase] = type(step)(harvester._parts)
+
+
 def failing(part, method, number, fault):
     """From call ``number`` on, counted from 1, ``fault`` says what the method does: an error to raise, or a function."""
     original = getattr(part, method)
@@ -78,6 +86,11 @@ def failing(part, method, number, fault):
 
 
 def once(count):
+    """The third look, from home; the second is on the way to the first berry."""
+    return count == 3
+
+
+def on_the_way(count):
     return count == 2
 
 
@@ -124,15 +137,19 @@ CAMERA_FAULTS = [
 
 
 def with_camera_fault(session, kind, when):
-    camera = Camera()
+    camera, look, calls = Camera(), session.robot.look, []
+    fault = None if kind == "missing" else getattr(camera, kind)
 
-    def first(look):
-        camera.good = look()
-        return camera.good
+    def faulty():
+        calls.append(1)
+        if not when(len(calls)):
+            camera.good = look()
+            return camera.good
+        if fault is None:
+            raise TimeoutError("no frame within 5 s")
+        return fault(look)
 
-    fault = TimeoutError("no frame within 5 s") if kind == "missing" else getattr(camera, kind)
-    failing(session.robot, "look", when, fault)
-    failing(session.robot, "look", lambda count: count == 1, first)
+    session.robot.look = faulty
 
 
 @pytest.mark.parametrize(("kind", "failure"), CAMERA_FAULTS)
@@ -142,6 +159,63 @@ def test_one_bad_frame_is_looked_over(session, kind, failure):
     assert session.harvester.journal.failures == [(Phase.LOOK, failure, Recovery.LOOK_AGAIN)]
     assert len(run.picked) == 2
     assert run.stopped is None
+
+
+@pytest.mark.parametrize(("kind", "failure"), CAMERA_FAULTS)
+def test_a_bad_frame_on_the_way_is_done_without(session, kind, failure):
+    told = []
+    exchanged(session, tell=lambda line, attempt: told.append(line))
+    with_camera_fault(session, kind, on_the_way)
+    run = session.run()
+    assert any(f"goes on without a look on the way: {failure.text}" in line for line in told)
+    assert len(run.picked) == 2
+    assert session.harvester.journal.failures == []
+
+
+def moved(robot, by):
+    """Before the second look, on the way, the berry that hangs nearest to the tool moves ``by`` metres to the left."""
+
+    def look(original):
+        points = robot.berries.picking_points.copy()
+        nearest = np.argmin(np.linalg.norm(points - robot.tool(), axis=1))
+        points[nearest, 1] += by
+        robot.berries = robot.berries.with_fields(picking_points=points)
+        return original()
+
+    return look
+
+
+def test_a_berry_that_moved_is_found_where_it_is_by_now(session):
+    failing(session.robot, "look", on_the_way, moved(session.robot, 0.018))
+    run = session.run()
+    assert len(run.picked) == len(run.attempts) == 2  # the pads reach 12 mm
+    assert run.attempts[0].shift == pytest.approx([0.0, 0.018, 0.0])
+    assert not run.attempts[1].shift.any()
+
+
+def test_two_looks_at_a_berry_that_hangs_still_are_averaged(session):
+    failing(session.robot, "look", on_the_way, moved(session.robot, 0.004))
+    assert session.run().attempts[0].shift == pytest.approx([0.0, 0.002, 0.0])
+
+
+def test_without_the_look_on_the_way_a_berry_that_moved_is_missed_at_first(session):
+    harvester = session.harvester
+    exchanged(session, config=replace(harvester.config, look_on_the_way=0.0))
+    harvester._parts.motions._config = harvester._parts.config
+    failing(session.robot, "follow", lambda count: count == 1, shaken(session.robot))
+    run = session.run()
+    assert run.attempts[0].failure is Failure.NOT_GRIPPED
+    assert len(run.picked) == 2
+
+
+def shaken(robot):
+    def follow(original, trajectory, force_limit=None):
+        robot.berries = robot.berries.with_fields(
+            picking_points=robot.berries.picking_points + np.array([0.0, 0.018, 0.0])
+        )
+        return original(trajectory, force_limit)
+
+    return follow
 
 
 @pytest.mark.parametrize(("kind", "failure"), CAMERA_FAULTS)
@@ -156,12 +230,13 @@ def test_a_camera_that_stays_bad_stops_the_harvest(session, kind, failure):
     assert is_safely_home(session)
 
 
-@pytest.mark.parametrize(
-    ("part", "method", "failure"),
-    [("detector", "detect", Failure.DETECTOR_FAULT), ("scale", "estimate", Failure.SCALE_FAULT)],
-)
-def test_a_detector_or_a_scale_that_raises(session, part, method, failure):
-    failing(getattr(session.harvester._parts, part), method, once, RuntimeError("CUDA out of memory"))
+@pytest.mark.parametrize("failure", [Failure.DETECTOR_FAULT, Failure.SCALE_FAULT])
+def test_a_detector_or_a_scale_that_raises(session, failure):
+    parts, error = session.harvester._parts, RuntimeError("out of memory")
+    if failure is Failure.DETECTOR_FAULT:
+        failing(parts.eyes._detector, "detect", once, error)
+    else:
+        failing(parts.scale, "estimate", lambda count: count == 2, error)
     run = session.run()
     ((_, named, recovery),) = session.harvester.journal.failures
     assert (named, recovery) == (failure, Recovery.LOOK_AGAIN)
@@ -169,7 +244,12 @@ def test_a_detector_or_a_scale_that_raises(session, part, method, failure):
 
 
 def test_a_detector_that_keeps_raising_stops_the_harvest(session):
-    failing(session.harvester._parts.detector, "detect", lambda count: True, RuntimeError("weights are gone"))
+    failing(
+        session.harvester._parts.eyes._detector,
+        "detect",
+        lambda count: True,
+        RuntimeError("weights are gone"),
+    )
     run = session.run()
     assert "the detector failed: RuntimeError: weights are gone" in run.stopped
     assert is_safely_home(session)
@@ -253,7 +333,10 @@ def test_an_arm_that_stalls_for_good_is_left_where_it_is(session):
     run = session.run()
     assert run.stopped.startswith("the arm does not get home: arm held up")
     assert not run.home
-    assert session.harvester.journal.failures == [(Phase.PLACE, Failure.NOT_HOME, Recovery.STOP)]
+    assert session.harvester.journal.failures == [
+        (Phase.REACH, Failure.HELD_UP, Recovery.OTHER_SIDE),
+        (Phase.REACH, Failure.NOT_HOME, Recovery.STOP),
+    ]
 
 
 def test_a_robot_whose_driver_fails_stops_the_harvest(session):

@@ -52,7 +52,8 @@ class Attempt:
     what the weigh cell gained, NaN if nothing was placed; ``punnet`` is where it went; ``reading`` is the weigh cell of
     ``meant_for`` after the attempt, NaN if it was not read. ``failure`` is the name of the reason why it was not
     picked, ``reason`` tells more. ``approach`` (3,) is the direction along which the tool came in, None if it did not;
-    ``second_view`` whether the frame was not taken from home; ``carried`` what went wrong with the berry in the grip.
+    ``second_view`` whether the frame was not taken from home; ``shift`` (3,) metres how far the tool went beside the planned
+    point, by a look on the way; ``carried`` what went wrong with the berry in the grip.
     """
 
     number: int
@@ -69,6 +70,7 @@ class Attempt:
     reason: str | None = None
     approach: NDArray[np.float64] | None = None
     second_view: bool = False
+    shift: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     carried: str | None = None
     weighed: float = float("nan")
     punnet: int | None = None
@@ -95,6 +97,7 @@ class Attempt:
             "reason": self.reason,
             "approach": None if self.approach is None else self.approach.tolist(),
             "second_view": self.second_view,
+            "shift": self.shift.tolist(),
             "picking_point": [_nullable(value) for value in self.picking_point],
             "estimate_g": _nullable(self.estimate),
             "interval_g": [_nullable(value) for value in self.interval],
@@ -140,6 +143,7 @@ class Attempt:
                 reason=data["reason"],
                 approach=None if data["approach"] is None else np.array(data["approach"], dtype=np.float64),
                 second_view=bool(data["second_view"]),
+                shift=np.array(data["shift"], dtype=np.float64),
                 weighed=_number(data["weighed_g"]),
                 punnet=data["punnet"],
                 reading=_number(data["reading_g"]),

@@ -29,6 +29,9 @@ class HarvestConfig:
         Metres within which picking points of two looks are the same berry.
     most_looks
         Looks after which the loop ends whatever it sees; a guard against endless loops.
+    look_on_the_way
+        Metres before the end of a reach at which the berry is looked at once more; nearer than 0.2 m the camera, which sits
+        above the tool, does not see the fruit. 0: not at all.
     reach_force
         Newtons of the tool on a fruit at which a reach is broken off; None: never.
     separation
@@ -46,6 +49,7 @@ class HarvestConfig:
     patience: int = 3
     same_berry: float = 0.025
     most_looks: int = 60
+    look_on_the_way: float = 0.21
     reach_force: float | None = 8.0
     separation: float = 1.0
     nominal_punnet: float = 250.0

@@ -19,6 +19,7 @@ from punnet.errors import KinematicsError, OutputError, RobotError
 from punnet.harvest.attempts import Attempt, HarvestRun, History, Journal, Outcome, Phase
 from punnet.harvest.config import HarvestConfig
 from punnet.harvest.deciding import Check, Order, Plan
+from punnet.harvest.eyes import Eyes
 from punnet.harvest.failures import Failure, Recovery, StepFailed
 from punnet.harvest.memory import Memory
 from punnet.harvest.motions import Motions
@@ -74,7 +75,7 @@ class Harvester:
         guarded = GuardedRobot(robot, guard or MotionGuard())
         self._parts = Parts(
             guarded,
-            detector,
+            Eyes(guarded, detector),
             scale,
             planner,
             Motions(guarded, guarded.guard.arm, punnet_places, config),
@@ -156,17 +157,25 @@ class Harvester:
             attempt.outcome = Outcome.SKIPPED if phase in NOT_TRIED else Outcome.FAILED
         else:
             self._parts.tell(f"{phase}: {failed.reason}; {recovery}", None)
-        if self.journal is not None:
-            self.journal.failed(phase, failed.failure, failed.reason, recovery)
+        self._note(phase, failed, recovery)
         if recovery is Recovery.STOP:
             raise failed
         if attempt is not None:
             if phase in IN_THE_PLANT:
                 self._parts.motions.back_off()
             if phase not in NOT_TRIED:
-                self._parts.motions.require_home()
+                try:
+                    self._parts.motions.require_home()
+                except StepFailed as stuck:
+                    self._note(phase, stuck, Recovery.STOP)
+                    raise
             self._end(attempt)
         return Phase.LOOK
+
+    def _note(self, phase: Phase, failed: StepFailed, recovery: Recovery) -> None:
+        """Write a failure down."""
+        if self.journal is not None:
+            self.journal.failed(phase, failed.failure, failed.reason, recovery)
 
     def _begin(self, attempt: Attempt) -> None:
         """Write down that an attempt begins, before anything moves."""

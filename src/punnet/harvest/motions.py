@@ -10,7 +10,7 @@ from punnet.geometry import invert_transform, make_transform
 from punnet.harvest.config import HarvestConfig
 from punnet.harvest.failures import Failure, StepFailed
 from punnet.harvest.punnets import slot_offset
-from punnet.movement import JointTrajectory, TrajectoryDistribution, retime
+from punnet.movement import TrajectoryDistribution, retime
 from punnet.planning.approach import angles_of_approach, approach_rotation
 from punnet.robot import (
     HOME,
@@ -22,6 +22,7 @@ from punnet.robot import (
     follow_path,
     nearest_solution,
 )
+from punnet.robot.projection import projected
 
 __all__ = ["Motions"]
 
@@ -58,7 +59,7 @@ class Motions:
         self._arm = arm
         self._punnets = punnet_places
         self._config = config
-        self._reach: JointTrajectory | None = None
+        self._outside = self._inside = np.empty((0, 7))
         self._over_punnet: NDArray[np.float64] | None = None
 
     def go_home(self) -> MotionResult:
@@ -96,7 +97,7 @@ class Motions:
         return self._through(np.stack((self._robot.joints(), joints)), self._config.speed)
 
     def prepare(self, distribution: TrajectoryDistribution) -> NDArray[np.float64]:
-        """Time the mean reach of ``distribution`` from where the arm is; the direction (3,) along which the tool comes in.
+        """Take the mean reach of ``distribution`` from where the arm is; the direction (3,) along which the tool comes in.
 
         Raises
         ------
@@ -107,17 +108,36 @@ class Motions:
         """
         path = distribution.mean(np.linspace(0.0, 1.0, _PATH_POINTS))
         path[0] = self._robot.joints()
-        self._reach = retime(path, self._arm.limits, speed=self._config.careful_speed)
-        refusal = self._robot.refusal(self._reach)
+        refusal = self._robot.refusal(retime(path, self._arm.limits, speed=self._config.careful_speed))
         if refusal is not None:
             raise StepFailed(Failure.UNSAFE, refusal)
-        return np.asarray(self._arm.forward_kinematics_tool(path[-1])[:3, 2])
+        tool = self._arm.forward_kinematics_tool(path)
+        near = np.linalg.norm(tool[:, :3, 3] - tool[-1, :3, 3], axis=1) < self._config.look_on_the_way
+        self._outside, self._inside = np.split(path, [int(np.argmax(near))])
+        return np.asarray(tool[-1, :3, 2])
 
-    def reach(self) -> MotionResult:
-        """Follow the prepared reach."""
-        if self._reach is None:
-            raise KinematicsError("reach: prepare a distribution first")
-        return self._robot.follow(self._reach, self._config.reach_force)
+    def to_the_plant(self) -> MotionResult:
+        """The first part of the prepared reach, to where the berry is looked at once more."""
+        if len(self._outside) < 2:
+            return MotionResult(True)
+        return self._through(self._outside, self._config.speed)
+
+    def go_in(self, shift: NDArray[np.float64]) -> MotionResult:
+        """The rest, to an end that lies ``shift`` (3,) metres beside the prepared one; broken off if a fruit is pushed."""
+        path = np.concatenate((self._robot.joints()[None], self._inside))
+        path[1:] = self._shifted(path[1:], shift)
+        trajectory = retime(path, self._arm.limits, speed=self._config.careful_speed)
+        return self._robot.follow(trajectory, self._config.reach_force)
+
+    def _shifted(self, path: NDArray[np.float64], shift: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Joints (T, 7) of the path moved aside, little by little over its first half; as it is if the arm can't."""
+        if not shift.any():
+            return path
+        poses = self._arm.forward_kinematics(path)
+        share = np.clip(np.linspace(0.0, 2.0, len(path)), 0.0, 1.0)
+        poses[:, :3, 3] += (share * share * (3.0 - 2.0 * share))[:, None] * shift
+        moved = projected(self._arm, path, poses)
+        return moved if self._arm.within_limits(moved).all() else path
 
     def retreat(self) -> MotionResult:
         """Straight back out along the tool's axis."""

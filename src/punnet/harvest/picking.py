@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from punnet.harvest.attempts import Outcome, Phase
+from punnet.harvest.attempts import Attempt, Outcome, Phase
 from punnet.harvest.failures import Failure, StepFailed
 from punnet.harvest.situation import Parts, Situation, weighed
 from punnet.robot import MotionResult
@@ -16,11 +17,12 @@ CUTTING = "cuts the stem"
 
 EMPTY_PUNNET_NOISE = 1.0
 """Grams; a gain below this means that nothing fell in."""
+_LOOKS_DIFFER = 0.006  # metres between the points of two looks at a berry that hangs still
 _TAKEN_AWAY = 5.0  # grams that a punnet can't lose by itself
 
 
 class Reach:
-    """To the stem, along the checked trajectory."""
+    """To the stem, along the checked trajectory; on the way it looks where the berry is by then."""
 
     phase = Phase.REACH
 
@@ -32,10 +34,35 @@ class Reach:
         attempt = situation.in_hand
         x, y, z = attempt.picking_point
         self._parts.tell(f"reaches for berry at x {x:.2f}, y {y:+.2f}, z {z:.2f} m", attempt)
-        result = self._parts.motions.reach()
+        if self._parts.config.look_on_the_way > 0:
+            _require(self._parts.motions.to_the_plant())
+            attempt.shift = self._shift(attempt)
+        result = self._parts.motions.go_in(attempt.shift)
         attempt.peak_force, attempt.touched = result.peak_force, result.touched
         _require(result)
         return Phase.SEPARATE
+
+    def _shift(self, attempt: Attempt) -> NDArray[np.float64]:
+        """How far (3,) from the planned point the tool has to go, by a look on the way; 0 where it can't tell.
+
+        Within what two looks differ by noise the mean of both is taken; a berry that is farther off has moved.
+        """
+        try:
+            berries = self._parts.eyes.perceive(self._parts.eyes.look())
+        except StepFailed as failure:
+            self._parts.tell(f"goes on without a look on the way: {failure.reason}", attempt)
+            return np.zeros(3)
+        offsets = berries.picking_points[berries.pluckable] - attempt.picking_point
+        offsets = offsets[np.isfinite(offsets).all(axis=1)]
+        distances = np.linalg.norm(offsets, axis=1)
+        if not len(offsets) or distances.min() > self._parts.config.same_berry:
+            self._parts.tell("does not see the berry on the way, goes on as planned", attempt)
+            return np.zeros(3)
+        offset, distance = offsets[np.argmin(distances)], float(distances.min())
+        if distance <= _LOOKS_DIFFER:
+            return np.asarray(offset / 2.0)
+        self._parts.tell(f"the berry has moved by {1000 * distance:.0f} mm", attempt)
+        return np.asarray(offset)
 
 
 class Separate:

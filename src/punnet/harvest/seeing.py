@@ -8,10 +8,8 @@ from numpy.typing import NDArray
 from punnet.errors import KinematicsError
 from punnet.harvest.attempts import Phase
 from punnet.harvest.failures import Failure, StepFailed
-from punnet.harvest.frame_checks import FrameChecks
 from punnet.harvest.memory import Place
 from punnet.harvest.situation import Parts, Situation
-from punnet.perception.picking_points import locate_picking_points
 from punnet.planning.clearance import approach_directions, obstacles_among
 from punnet.scene import Frame, Strawberries
 
@@ -25,7 +23,6 @@ class Look:
 
     def __init__(self, parts: Parts) -> None:
         self._parts = parts
-        self._checks = FrameChecks()
 
     def do(self, situation: Situation) -> Phase | None:
         """Take a frame; the arm is home afterwards."""
@@ -35,21 +32,11 @@ class Look:
         situation.looks += 1
         situation.second_view_of = self._second_view(situation)
         try:
-            situation.frame = self._checked_frame()
+            situation.frame = self._parts.eyes.look()
         finally:
             if situation.second_view_of is not None:
                 self._parts.motions.require_home()
         return Phase.PERCEIVE
-
-    def _checked_frame(self) -> Frame:
-        robot = self._parts.robot
-        asked = robot.time
-        try:
-            frame = robot.look()
-        except Exception as error:  # whatever a camera's driver raises
-            raise StepFailed(Failure.NO_FRAME, f"{type(error).__name__}: {error}") from error
-        self._checks.check(frame, asked)
-        return frame
 
     def _second_view(self, situation: Situation) -> Place | None:
         """Move to where a berry that was tried is to be seen from; None if there is none, or no way there."""
@@ -78,13 +65,7 @@ class Perceive:
     def do(self, situation: Situation) -> Phase | None:
         """Detect and locate."""
         assert situation.frame is not None
-        try:
-            berries = self._parts.detector.detect(situation.frame)
-            if np.isnan(berries.picking_points).all():
-                berries = locate_picking_points(situation.frame, berries)
-        except Exception as error:  # a stranger's detector may raise anything
-            raise StepFailed(Failure.DETECTOR_FAULT, f"{type(error).__name__}: {error}") from error
-        situation.berries = berries
+        situation.berries = self._parts.eyes.perceive(situation.frame)
         return Phase.WEIGH
 
 

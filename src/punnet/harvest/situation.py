@@ -8,9 +8,9 @@ from typing import Protocol
 
 from punnet.harvest.attempts import Attempt, HarvestRun, Phase
 from punnet.harvest.config import HarvestConfig
+from punnet.harvest.eyes import Eyes
 from punnet.harvest.memory import Memory, Place
 from punnet.harvest.motions import Motions
-from punnet.perception.detector import Detector
 from punnet.planning import Planner
 from punnet.robot import GuardedRobot
 from punnet.scene import Frame, Strawberries
@@ -28,7 +28,7 @@ class Parts:
     """What a harvest is done with; the same from beginning to end."""
 
     robot: GuardedRobot
-    detector: Detector
+    eyes: Eyes
     scale: WeightEstimator
     planner: Planner
     motions: Motions
