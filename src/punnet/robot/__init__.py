@@ -1,6 +1,7 @@
 """The arm: the Robot protocol, where the picker sits, and the Panda's kinematics."""
 
 from punnet.robot.arm_shape import Boxes
+from punnet.robot.dry_run import DryRunRobot
 from punnet.robot.nearest import nearest_solution, nearest_solutions
 from punnet.robot.panda import HOME, JOINT_NAMES, PANDA_LIMITS, PANDA_TORQUE, Panda
 from punnet.robot.path import follow_path
@@ -18,6 +19,7 @@ __all__ = [
     "T_FLANGE_TOOL",
     "Boxes",
     "CutResult",
+    "DryRunRobot",
     "GripResult",
     "GuardedRobot",
     "MotionGuard",
