@@ -9,7 +9,7 @@ from punnet.errors import BundleError, ConfigurationError, PlanningError
 from punnet.harvest.attempts import Outcome, Phase
 from punnet.harvest.config import HarvestConfig
 from punnet.harvest.deciding import Order, Plan
-from punnet.harvest.order import picking_order
+from punnet.harvest.order import DEFAULT_ORDER, order_of
 from punnet.harvest.scenario import Scenario, Session
 from punnet.harvest.seeing import Look, Perceive, Weigh
 from punnet.movement import JointTrajectory
@@ -115,7 +115,7 @@ def test_a_berry_that_does_not_fit_waits_for_one_that_does():
         for step in (Look(parts), Perceive(parts), Weigh(parts)):
             step.do(situation)
         frame, berries = situation.seen
-        first, second = picking_order(frame, berries)[:2]
+        first, second = order_of(DEFAULT_ORDER)(frame, berries)[:2]
         grams = np.full(len(berries), 40.0)
         grams[second] = 12.0
         situation.berries = berries.with_fields(

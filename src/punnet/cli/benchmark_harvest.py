@@ -37,6 +37,14 @@ def harvest(
             show_default=False,
         ),
     ] = None,
+    order: Annotated[
+        str | None,
+        typer.Option(
+            "--order",
+            help="Which berry comes next: cheapest, front-first, nearest-first or left-to-right.",
+            show_default=False,
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -56,10 +64,11 @@ def harvest(
     """
     from punnet.harvest.benchmark import BenchmarkResult, BenchmarkSettings, run_benchmark
     from punnet.harvest.benchmark_plants import PlantResult
+    from punnet.harvest.order import DEFAULT_ORDER
     from punnet.planning.choice import DEFAULT_CHOICE
 
     perception = perception_in_simulation(detector, oracle=oracle)
-    settings = BenchmarkSettings(suite, seed, perception, choice or DEFAULT_CHOICE)
+    settings = BenchmarkSettings(suite, seed, perception, choice or DEFAULT_CHOICE, order or DEFAULT_ORDER)
     done: list[PlantResult] = []
     with progress_bar("harvesting", clusters) as advance:
 
@@ -185,7 +194,7 @@ def _print(figures: dict[str, Any]) -> None:
     ]
     title = (
         f"suite {figures['suite']}/{figures['suite_version']}: {figures['clusters']} plants, seed {figures['seed']}, "
-        f"eyes: {figures['perception']}, choice: {figures['choice']}"
+        f"eyes: {figures['perception']}, choice: {figures['choice']}, order: {figures['order']}"
     )
     print_table(title, ("", ""), rows)
     for heading, name in (

@@ -18,6 +18,8 @@ from punnet.harvest.benchmark_figures import figures_of
 from punnet.harvest.benchmark_folder import BenchmarkFolder
 from punnet.harvest.benchmark_plants import AttemptResult, PlantResult
 from punnet.harvest.benchmark_watch import Watch
+from punnet.harvest.config import HarvestConfig
+from punnet.harvest.order import DEFAULT_ORDER, order_of
 from punnet.harvest.scenario import ORACLE, Scenario, Session
 from punnet.harvest.suites import suite_of
 from punnet.perception import load_detector
@@ -45,6 +47,8 @@ class BenchmarkSettings:
         A detector's name or folder, or ``oracle``; see :class:`~punnet.harvest.scenario.Scenario`.
     choice
         How a reach is chosen; see :mod:`punnet.planning.choice`.
+    order
+        Which berry comes next; see :mod:`punnet.harvest.order`.
 
     Raises
     ------
@@ -56,9 +60,11 @@ class BenchmarkSettings:
     seed: int = 0
     perception: str = SIMULATION_DETECTOR
     choice: str = DEFAULT_CHOICE
+    order: str = DEFAULT_ORDER
 
     def __post_init__(self) -> None:
         suite_of(self.suite)
+        order_of(self.order)
         if self.choice not in CHOICES:
             raise ConfigurationError(f"benchmark: no choice '{self.choice}'; there are {', '.join(CHOICES)}")
         if self.seed < 0:
@@ -73,6 +79,7 @@ class BenchmarkSettings:
             "seed": self.seed,
             "perception": self.perception,
             "choice": self.choice,
+            "order": self.order,
         }
 
 
@@ -165,6 +172,7 @@ def run_plant(settings: BenchmarkSettings, number: int) -> PlantResult:
             seed,
             settings.perception,
             WorldConfig(arm_visuals=False),
+            HarvestConfig(order=settings.order),
             suite=settings.suite,
             choice=settings.choice,
         )

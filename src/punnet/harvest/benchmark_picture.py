@@ -18,8 +18,8 @@ _BAR_HEIGHT = 0.42  # inches
 
 
 def row_name(figures: Mapping[str, Any]) -> str:
-    """What was measured, in one line: eyes and choice."""
-    return f"{figures['perception']} + {figures['choice']}"
+    """What was measured, in one line: eyes, choice and order."""
+    return f"{figures['perception']} + {figures['choice']}, {figures['order']}"
 
 
 def draw_outcomes(runs: Sequence[Mapping[str, Any]]) -> bytes:

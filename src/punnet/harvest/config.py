@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from punnet.errors import ConfigurationError
+from punnet.harvest.order import DEFAULT_ORDER, order_of
 
 __all__ = ["HarvestConfig"]
 
@@ -40,6 +41,8 @@ class HarvestConfig:
         Grams that a punnet should hold.
     punnet_berries
         Berries at which a punnet is full whatever it weighs.
+    order
+        Which berry is picked next: one of :data:`punnet.harvest.order.ORDERS`.
     """
 
     speed: float = 0.9
@@ -54,8 +57,10 @@ class HarvestConfig:
     separation: float = 1.0
     nominal_punnet: float = 250.0
     punnet_berries: int = 18
+    order: str = DEFAULT_ORDER
 
     def __post_init__(self) -> None:
+        order_of(self.order)
         if not (0 < self.speed <= 1 and 0 < self.careful_speed <= 1):
             raise ConfigurationError(
                 f"harvest: speeds must lie in (0, 1], got {self.speed} and {self.careful_speed}"

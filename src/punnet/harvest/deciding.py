@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from punnet.errors import KinematicsError, PlanningError, ShapeError
 from punnet.harvest.attempts import Attempt, Phase
 from punnet.harvest.failures import Failure, StepFailed
-from punnet.harvest.order import picking_order
+from punnet.harvest.order import order_of
 from punnet.harvest.seeing import untried_directions
 from punnet.harvest.situation import Parts, Situation, weighed
 from punnet.movement import TrajectoryDistribution
@@ -51,7 +51,7 @@ class Order:
 
     def _candidates(self, situation: Situation, frame: Frame, berries: Strawberries) -> list[int]:
         """Rows in the order to pick them; from a second view only the berry that it was turned to."""
-        rows = [int(row) for row in picking_order(frame, berries)]
+        rows = [int(row) for row in order_of(self._parts.config.order)(frame, berries)]
         rows = [row for row in rows if situation.memory.may_try(berries.picking_points[row])]
         place = situation.second_view_of
         if place is None:

@@ -61,6 +61,7 @@ def collision_costs(scene: ObservedScene, T_base_flange: NDArray[np.float64]) ->
     T[..., :3, 3] -= scene.origin
     fruit = (
         _WEIGHTS["fruit"] * _depths(scene.fruit, SOLID, T, FRUIT_MARGIN)
+        + _WEIGHTS["slot"] * _depths(scene.fruit, SLOT, T, FRUIT_MARGIN)
         + _WEIGHTS["opening"] * _depths(scene.fruit, OPENING, T[:, _APPROACHING], FRUIT_MARGIN)
         + _WEIGHTS["carried"] * _depths(scene.fruit, CARRIED, T[:, _LEAVING], FRUIT_MARGIN)
     )
