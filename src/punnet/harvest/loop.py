@@ -32,7 +32,7 @@ from punnet.robot import GuardedRobot, MotionGuard, Robot
 from punnet.weight import WeightEstimator
 from punnet.weight.packing import LookAhead, Packer, PackingConfig
 
-__all__ = ["CUTTING", "Harvester", "Listener"]
+__all__ = ["CUTTING", "Harvester", "Listener", "summary"]
 
 STEPS = (Look, Perceive, Weigh, Order, Plan, Check, Reach, Separate, Grip, Cut, Place, Verify)
 IN_THE_PLANT = (Phase.REACH, Phase.SEPARATE, Phase.GRIP, Phase.CUT)
@@ -189,7 +189,7 @@ class Harvester:
         self._situation.attempt = None
         self._situation.memory.learn(attempt)
         self._time(attempt)
-        self._parts.tell(_summary(attempt), attempt)
+        self._parts.tell(summary(attempt), attempt)
         self._take_time()
         if self.journal is not None:
             self.journal.end(attempt)
@@ -264,7 +264,8 @@ class Harvester:
         self.run_so_far.seconds_computing = self._before[1] + ours - self._began[1]
 
 
-def _summary(attempt: Attempt) -> str:
+def summary(attempt: Attempt) -> str:
+    """How an attempt ended, as a listener is told."""
     if attempt.outcome is Outcome.PICKED:
         weight = "not weighed" if math.isnan(attempt.weighed) else f"{attempt.weighed:.1f} g"
         return (

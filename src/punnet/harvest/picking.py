@@ -10,7 +10,10 @@ from punnet.harvest.failures import Failure, StepFailed
 from punnet.harvest.situation import Parts, Situation, weighed
 from punnet.robot import MotionResult
 
-__all__ = ["CUTTING", "Cut", "Grip", "Place", "Reach", "Separate", "Verify"]
+__all__ = ["CUTTING", "GRIPPING", "Cut", "Grip", "Place", "Reach", "Separate", "Verify"]
+
+GRIPPING = "moves its neighbours aside and grips the stem"
+"""What a listener is told when the fingers are at the stem."""
 
 CUTTING = "cuts the stem"
 """What a listener is told when the blade starts."""
@@ -75,7 +78,7 @@ class Separate:
 
     def do(self, situation: Situation) -> Phase | None:
         """Open the separation fingers."""
-        self._parts.tell("moves its neighbours aside and grips the stem", situation.in_hand)
+        self._parts.tell(GRIPPING, situation.in_hand)
         self._parts.robot.separate(self._parts.config.separation)
         return Phase.GRIP
 

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from punnet.harvest.attempts import Attempt, HarvestRun
 from punnet.harvest.folder import HarvestFolder
 from punnet.harvest.journal import SessionJournal
-from punnet.harvest.loop import CUTTING
+from punnet.harvest.loop import summary
+from punnet.harvest.picking import CUTTING, GRIPPING
 from punnet.harvest.picks_table import write_picks
 from punnet.harvest.records import HarvestReport
 from punnet.harvest.report import write_report
@@ -110,15 +111,27 @@ def journaled_session(
         yield session, journal, recorder
 
 
-def _close_ups(session: Session, run: HarvestRun, recorder: Recorder) -> dict[int, NDArray[np.uint8]]:
-    """Pictures of the cut, by the number of the attempt."""
-    moments = [(f"berry {attempt.number}: {CUTTING}", attempt.picking_point) for attempt in run.attempts]
-    pictures = render_close_ups(recorder, session.world, moments)
-    return {
-        attempt.number: picture
-        for attempt, picture in zip(run.attempts, pictures, strict=True)
-        if picture is not None
-    }
+def _close_ups(
+    session: Session, run: HarvestRun, recorder: Recorder
+) -> dict[int, dict[str, NDArray[np.uint8]]]:
+    """Pictures of each attempt's moments, by its number and their captions."""
+    wanted = [
+        (attempt, caption, f"berry {attempt.number}: {said}")
+        for attempt in run.attempts
+        for caption, said in (
+            ("at the grip", GRIPPING),
+            ("at the cut", CUTTING),
+            ("afterwards", summary(attempt)),
+        )
+    ]
+    moments = [(said, attempt.picking_point) for attempt, _, said in wanted]
+    pictures: dict[int, dict[str, NDArray[np.uint8]]] = {}
+    for (attempt, caption, _), picture in zip(
+        wanted, render_close_ups(recorder, session.world, moments), strict=True
+    ):
+        if picture is not None:
+            pictures.setdefault(attempt.number, {})[caption] = picture
+    return pictures
 
 
 def _write_pictures(output: HarvestFolder, run: HarvestRun) -> None:
