@@ -50,7 +50,7 @@ def berries(masks, points):
     return Strawberries((480, 640), np.array(boxes), masks=np.array(masks), picking_points=np.array(points))
 
 
-def seen(neighbour=(0.0, 0.06, -0.02), located=True, slabs=()):
+def seen(neighbour=(0.0, 0.06, -0.02), located=True, slabs=(), ripe=False):
     painter = Painter()
     own = painter.ball(POINT - (0.0, 0.0, 0.035), 0.015)
     middle = POINT + np.array(neighbour)
@@ -59,6 +59,7 @@ def seen(neighbour=(0.0, 0.06, -0.02), located=True, slabs=()):
         painter.slab(POINT + np.array(centre), 0.02, colour)
     above = middle + np.array([0.0, 0.0, 0.016 + 0.015])
     among = berries([own, other], [POINT, above if located else np.full(3, np.nan)])
+    among = among.with_fields(classes=np.array([0, 0 if ripe else 1]))
     return middle, observe(painter.frame(), Target(among.boxes[0], POINT, berry_id=0, among=among))
 
 
@@ -69,6 +70,11 @@ def test_a_neighbour_is_where_it_hangs_and_as_big_as_it_is(located):
     centre = (scene.fruit.starts[0] + scene.fruit.ends[0]) / 2.0 + scene.origin
     np.testing.assert_allclose(centre, middle, atol=0.006)
     assert scene.fruit.radii[0] == pytest.approx(0.016, abs=0.002)
+
+
+def test_what_stays_on_the_plant_is_cared_for_most():
+    assert seen()[1].care[0] == 1.0
+    assert 0.0 < seen(ripe=True)[1].care[0] < 1.0
 
 
 def test_a_stem_hangs_above_its_calyx():

@@ -60,10 +60,10 @@ def collision_costs(scene: ObservedScene, T_base_flange: NDArray[np.float64]) ->
     T = T_base_flange.copy()
     T[..., :3, 3] -= scene.origin
     fruit = (
-        _WEIGHTS["fruit"] * _depths(scene.fruit, SOLID, T, FRUIT_MARGIN)
-        + _WEIGHTS["slot"] * _depths(scene.fruit, SLOT, T, FRUIT_MARGIN)
-        + _WEIGHTS["opening"] * _depths(scene.fruit, OPENING, T[:, _APPROACHING], FRUIT_MARGIN)
-        + _WEIGHTS["carried"] * _depths(scene.fruit, CARRIED, T[:, _LEAVING], FRUIT_MARGIN)
+        _WEIGHTS["fruit"] * _depths(scene.fruit, SOLID, T, FRUIT_MARGIN, scene.care)
+        + _WEIGHTS["slot"] * _depths(scene.fruit, SLOT, T, FRUIT_MARGIN, scene.care)
+        + _WEIGHTS["opening"] * _depths(scene.fruit, OPENING, T[:, _APPROACHING], FRUIT_MARGIN, scene.care)
+        + _WEIGHTS["carried"] * _depths(scene.fruit, CARRIED, T[:, _LEAVING], FRUIT_MARGIN, scene.care)
     )
     stems = (
         _WEIGHTS["slot"] * _depths(scene.stems, SLOT, T, STEM_MARGIN)
@@ -77,12 +77,19 @@ def collision_costs(scene: ObservedScene, T_base_flange: NDArray[np.float64]) ->
     return CollisionCosts(fruit, stems, _WEIGHTS["soft"] * soft, _WEIGHTS["hard"] * hard)
 
 
-def _depths(things: Capsules, tool: Capsules, T: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
-    """How deep, in margins, the tool comes at the worst moment, summed over the things: (K,)."""
+def _depths(
+    things: Capsules,
+    tool: Capsules,
+    T: NDArray[np.float64],
+    margin: float,
+    care: NDArray[np.float64] | None = None,
+) -> NDArray[np.float64]:
+    """How deep, in margins, the tool comes at the worst moment, summed over the things, each with its care: (K,)."""
     if not len(things):
         return np.zeros(len(T))
     at = placed(tool, T)
     distance = segment_distances(at.starts.reshape(-1, 3), at.ends.reshape(-1, 3), things.starts, things.ends)
     distance = distance.reshape(*at.starts.shape[:-1], len(things)) - things.radii - at.radii[:, None]
     nearest = distance.min(axis=(1, 2))
-    return np.asarray(np.clip(1.0 - nearest / margin, 0.0, DEEPEST).sum(axis=-1))
+    depth = np.clip(1.0 - nearest / margin, 0.0, DEEPEST)
+    return np.asarray((depth if care is None else depth * care).sum(axis=-1))

@@ -27,6 +27,7 @@ STEM_RADIUS = 0.0015
 _CALYX_BELOW = 0.015  # metres of the picking point above the calyx
 _USUAL_RADIUS, _USUAL_LENGTH = 0.014, 0.036  # of a berry whose outline is not known
 _LEAST_PIXELS = 25
+_CARE_RIPE = 0.6
 _FURTHEST = 0.30  # metres from the target within which anything counts
 _CELL = 0.01
 _STRIDE = 5
@@ -43,6 +44,8 @@ class ObservedScene:
     ----------
     fruit, stems
         Of the other berries.
+    care
+        (N,) how much each fruit is to be kept clear of: what stays on the plant more than what is picked next.
     soft, hard
         (S, 3) and (H, 3) points of the depth picture.
     """
@@ -50,6 +53,7 @@ class ObservedScene:
     origin: NDArray[np.float64]
     fruit: Capsules
     stems: Capsules
+    care: NDArray[np.float64]
     soft: NDArray[np.float64]
     hard: NDArray[np.float64]
 
@@ -71,19 +75,22 @@ def observe(frame: Frame, target: Target) -> ObservedScene:
     assert target.picking_point is not None
     origin = target.picking_point
     berries = target.among
-    fruit, stems = _others(frame, berries, target)
+    fruit, stems, care = _others(frame, berries, target)
     soft = hard = np.zeros((0, 3))
     if frame.depth is not None and frame.camera is not None and frame.T_base_camera is not None:
         points, green = _surroundings(frame, frame.camera, frame.T_base_camera, berries, origin)
         soft, hard = points[green], points[~green]
-    return ObservedScene(origin, fruit, stems, soft, hard)
+    return ObservedScene(origin, fruit, stems, care, soft, hard)
 
 
-def _others(frame: Frame, berries: Strawberries | None, target: Target) -> tuple[Capsules, Capsules]:
+def _others(
+    frame: Frame, berries: Strawberries | None, target: Target
+) -> tuple[Capsules, Capsules, NDArray[np.float64]]:
+    """Fruit, stems and care of the berries around the target."""
     nothing = Capsules(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
     if berries is None or target.picking_point is None:
-        return nothing, nothing
-    tops, lengths, radii = [], [], []
+        return nothing, nothing, np.zeros(0)
+    tops, lengths, radii, care = [], [], [], []
     for row in np.flatnonzero(berries.ids != target.berry_id):
         found = _measured(frame, berries, int(row))
         if found is None or np.linalg.norm(found[0] - target.picking_point) > _FURTHEST:
@@ -91,13 +98,15 @@ def _others(frame: Frame, berries: Strawberries | None, target: Target) -> tuple
         tops.append(found[0] - target.picking_point)
         lengths.append(found[1])
         radii.append(found[2])
+        care.append(_CARE_RIPE if berries.pluckable[row] else 1.0)
     if not tops:
-        return nothing, nothing
+        return nothing, nothing, np.zeros(0)
     top, length, radius = np.array(tops), np.array(lengths), np.array(radii)
     up = np.array([0.0, 0.0, 1.0])
     inset = np.minimum(radius, length / 2.0)[:, None] * up
     fruit = Capsules(top - inset, top - length[:, None] * up + inset, radius)
-    return fruit, Capsules(top, top + STEM_LENGTH * up, np.full(len(top), STEM_RADIUS))
+    stems = Capsules(top, top + STEM_LENGTH * up, np.full(len(top), STEM_RADIUS))
+    return fruit, stems, np.array(care)
 
 
 def _measured(
