@@ -35,6 +35,8 @@ class HarvestConfig:
         above the tool, does not see the fruit. 0: not at all.
     reach_force
         Newtons of the tool on a fruit at which a reach is broken off; None: never.
+    most_attempts
+        Attempts after which the harvest ends; None: when no berry is left.
     separation
         Opening of the separation fingers once the stem is between the pads, in [0, 1].
     nominal_punnet
@@ -54,6 +56,7 @@ class HarvestConfig:
     most_looks: int = 60
     look_on_the_way: float = 0.21
     reach_force: float | None = 8.0
+    most_attempts: int | None = None
     separation: float = 1.0
     nominal_punnet: float = 250.0
     punnet_berries: int = 18

@@ -32,7 +32,8 @@ class Order:
         if not rows and situation.second_view_of is not None:
             self._parts.tell("does not find the berry again from there", None)
             return Phase.LOOK
-        if not rows:
+        most = self._parts.config.most_attempts
+        if not rows or (most is not None and len(situation.run.attempts) >= most):
             return None
         row, punnet = self._choose(rows, berries, len(situation.run.attempts) + 1)
         low, high = berries.weight_intervals[row]

@@ -186,6 +186,8 @@ class HarvestReport:
         Whether it was stopped from outside; the report is of what was done until then.
     stopped
         Why the robot ended it early, None if it did not.
+    only
+        Number of the attempt that it is of, None if it is of the whole harvest.
     resumed
         Numbers of the attempts with which it went on after a kill or an interruption.
     """
@@ -204,6 +206,7 @@ class HarvestReport:
     video: bytes | None = None
     interrupted: bool = False
     stopped: str | None = None
+    only: int | None = None
     resumed: Sequence[int] = ()
 
     @property

@@ -69,6 +69,8 @@ def render_report(report: HarvestReport) -> str:
 
 
 def _headline(report: HarvestReport) -> str:
+    if report.only is not None:
+        return f"Attempt {report.only}: <b>{report.picks[0].outcome if report.picks else 'not made'}</b>"
     berries = "strawberry" if report.ripe == 1 else "strawberries"
     return f"<b>{len(report.picked)} of {report.ripe}</b> ripe {berries} picked"
 
@@ -140,8 +142,8 @@ def _card(pick: PickRecord) -> str:
         f'<article class="card"><header><h3>{pick.id}. {escape(pick.berry_class)}</h3>'
         f'<span class="badge {pick.outcome}">{BADGES[pick.outcome]}</span>'
         f'<span class="time number">{pick.seconds_simulated:.1f} s</span></header>{reason}{notes}'
-        f'<div class="body{" with-plot" if plot else ""}"><div class="seen"><div class="crops">{crops}</div>'
-        f"{draw_weights(pick)}</div>{plot}</div></article>"
+        f'<div class="crops">{crops}</div>'
+        f'<div class="body{" with-plot" if plot else ""}">{draw_weights(pick)}{plot}</div></article>'
     )
 
 

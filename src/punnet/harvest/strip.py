@@ -72,10 +72,10 @@ def _with_reaches(frame: Frame, distribution: TrajectoryDistribution, seed: int)
 
 
 def _square(picture: NDArray[np.uint8], attempt: Attempt, margin: float) -> NDArray[np.uint8]:
-    """A square around the berry, with ``margin`` of its longer side on each side."""
-    box = attempt.berry.boxes[0]
-    half = (0.5 + margin) * float(np.max(box[2:] - box[:2]))
-    middle = (box[:2] + box[2:]) / 2.0
+    """A square around the berry, with ``margin`` of its longer side on each side; less where the picture ends."""
+    box, size = attempt.berry.boxes[0], np.array([picture.shape[1], picture.shape[0]])
+    half = min((0.5 + margin) * float(np.max(box[2:] - box[:2])), float(size.min()) / 2.0)
+    middle = np.clip((box[:2] + box[2:]) / 2.0, half, size - half)
     crop = cv2.getRectSubPix(
         picture, (round(2 * half), round(2 * half)), (float(middle[0]), float(middle[1]))
     )
