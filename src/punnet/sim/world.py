@@ -152,7 +152,7 @@ class World:
 
     def parted_stubs(self) -> NDArray[np.int64]:
         """Ids of the pieces of stem that :meth:`part_stubs` took off."""
-        return self._stubs[self.model.geom_conaffinity[self._stubs] == 0]
+        return np.asarray(self._stubs[self.model.geom_conaffinity[self._stubs] == 0])
 
     def detach(self, berry: int) -> None:
         """Part a berry from its truss; see ``cutting.py`` for the rule."""
