@@ -160,7 +160,14 @@ def test_a_plant_survives_json():
         PlantResult.from_json({"number": 3}, "here")
 
 
-SETTINGS = {"suite": "easy", "suite_version": 1, "perception": "colour", "choice": "mean", "order": "cheapest", "seed": 1}
+SETTINGS = {
+    "suite": "easy",
+    "suite_version": 1,
+    "perception": "colour",
+    "choice": "mean",
+    "order": "cheapest",
+    "seed": 1,
+}
 
 
 def figures(**settings):

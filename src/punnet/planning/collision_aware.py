@@ -23,13 +23,10 @@ from punnet.scene import Frame, Target
 
 __all__ = ["CollisionAwarePlanner"]
 
-WIDEST = np.array([*np.deg2rad((40.0, 12.0, 12.0)), 0.005])
-"""Yaw, pitch and roll (radians) about the planned approach, and metres up or down the stem, in which reaches are drawn."""
-NARROW = np.array([*np.deg2rad((8.0, 6.0, 12.0)), 0.005])
+WIDEST = np.deg2rad((40.0, 12.0, 12.0))
+"""Radians of yaw, pitch and roll about the planned approach among which reaches are drawn."""
+NARROW = np.deg2rad((8.0, 6.0, 12.0))
 """The same about an approach that was asked for."""
-_LOWER = np.array(
-    [0.0, 0.0, -0.001]
-)  # metres: the stem bears a cut nearer to the calyx better than one farther up
 
 _PER_TURN = 0.15  # cost of a squared radian of yaw, pitch and roll together
 _PER_JOINT = 0.05  # and of joints away from the planned end
@@ -112,11 +109,9 @@ class CollisionAwarePlanner:
         forward = self.arm.forward_kinematics_tool(planned.mean([1.0])[0])[:3, 2]
         yaw, pitch = angles_of_approach(forward if target.approach is None else target.approach)
         offsets = spread_offsets(self.draws, WIDEST if target.approach is None else NARROW)
-        turns = offsets[:, :3] + np.array([yaw, pitch, 0.0])
-        points = np.tile(target.picking_point, (self.draws, 1))
-        points[1:] += offsets[1:, 3:] * np.array([0.0, 0.0, 1.0]) + _LOWER
+        turns = offsets + np.array([yaw, pitch, 0.0])
         rng = np.random.default_rng(self.seed)
-        return draw_candidates(rng, self.arm, planned, start, points, turns, self.broadening)
+        return draw_candidates(rng, self.arm, planned, start, target.picking_point, turns, self.broadening)
 
     def costs(
         self, candidates: Candidates, scene: ObservedScene, planned: TrajectoryDistribution

@@ -85,7 +85,7 @@ def draw_candidates(
     arm: Panda,
     planned: TrajectoryDistribution,
     start: NDArray[np.float64],
-    points: NDArray[np.float64],
+    point: NDArray[np.float64],
     turns: NDArray[np.float64],
     broadening: float,
 ) -> Candidates:
@@ -95,10 +95,8 @@ def draw_candidates(
     ----------
     planned
         Distribution over the seven joints.
-    start
-        Joints (7,) that the arm is at.
-    points
-        (K, 3) where each is to end.
+    start, point
+        Joints (7,) that the arm is at, and the picking point (3,).
     turns
         (K, 3) yaw, pitch and roll of each approach: radians, as :func:`~punnet.planning.approach.approach_rotation`
         takes them. The first is drawn without chance.
@@ -108,22 +106,22 @@ def draw_candidates(
     """
     prior = planned.broadened(broadening)
     rotations = approach_rotation(*turns.T)
-    joints = _joints_on_line(arm, planned.mean([1.0])[0], points, rotations)
+    joints = _joints_on_line(arm, planned.mean([1.0])[0], point, rotations)
     wanted = np.concatenate((np.broadcast_to(start, (len(turns), 1, 7)), np.nan_to_num(joints)), axis=1)
     weights = _conditioned(prior, _drawn(rng, planned, len(turns)), wanted)
     reached = np.asarray(np.isfinite(joints).all(axis=(1, 2)))
     candidates = Candidates(prior, weights, joints, rotations, reached)
     return Candidates(
-        prior, weights, joints, rotations, candidates.possible & _keeps_to_line(arm, candidates, points)
+        prior, weights, joints, rotations, candidates.possible & _keeps_to_line(arm, candidates, point)
     )
 
 
 def _joints_on_line(
-    arm: Panda, near: NDArray[np.float64], points: NDArray[np.float64], rotations: NDArray[np.float64]
+    arm: Panda, near: NDArray[np.float64], point: NDArray[np.float64], rotations: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Joints (K, 4, 7) at :data:`VIA_PHASES`: the end's the nearest to joints ``near`` (7,), the others' to those."""
     share_left = (1.0 - VIA_PHASES) / (1.0 - APPROACH_PHASE)
-    poses = approach_poses(points, rotations, APPROACH_DISTANCE * share_left**2)
+    poses = approach_poses(point, rotations, APPROACH_DISTANCE * share_left**2)
     poses = poses @ invert_transform(arm.T_flange_tool)
     count = len(rotations)
     ends = projected(arm, np.tile(near, (count, 1)), poses[:, -1])
@@ -155,9 +153,9 @@ def _conditioned(
     return np.asarray((weights + missed @ gain).reshape(len(weights), 7, -1))
 
 
-def _keeps_to_line(arm: Panda, candidates: Candidates, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _keeps_to_line(arm: Panda, candidates: Candidates, point: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Whether the tool of each (K,) is near its line over the last stretch, does not overshoot, and no joint at a limit."""
-    tool = arm.forward_kinematics_tool(candidates.trajectories(_CHECKED))[..., :3, 3] - points[:, None]
+    tool = arm.forward_kinematics_tool(candidates.trajectories(_CHECKED))[..., :3, 3] - point
     forward = candidates.rotations[:, None, :, 2]
     along = (tool * forward).sum(axis=-1)
     aside = np.linalg.norm(tool - along[..., None] * forward, axis=-1)
