@@ -18,6 +18,7 @@ from punnet.harvest.journal import SessionJournal
 from punnet.harvest.scenario import Scenario
 from punnet.harvest.session_folder import journaled_session
 from punnet.outputs import MARKER_FILE, Interrupted
+from punnet.robot import HOME
 from punnet.sim.world import WorldConfig
 
 KILLS = runpy.run_path(str(Path(__file__).parents[2] / "benchmarks" / "harvest_kills.py"))
@@ -155,19 +156,32 @@ def test_two_processes_do_not_work_in_one_folder(stopped: Path) -> None:
         harvest(stopped, resume=True)
 
 
-def test_a_full_disk_ends_the_harvest_with_the_arm_at_home(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(path, content):
-        raise OutputError(f"{path}: can't be written ({os.strerror(errno.ENOSPC)})")
+def full_disk(*arguments, **options):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    folder = tmp_path / "harvest"
-    with monkeypatch.context() as patch:
-        patch.setattr("punnet.harvest.journal.write_durably", full)
-        run, _, _ = harvest(folder)
+
+@pytest.mark.parametrize("what", ["punnet.scene.frame._write_png", "os.fsync"])
+def test_a_full_disk_ends_the_harvest_with_the_arm_at_home(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str
+) -> None:
+    begin = SessionJournal.begin
+
+    def filling(self, attempt):
+        begin(self, attempt)
+        monkeypatch.setattr(what, full_disk)
+
+    monkeypatch.setattr(SessionJournal, "begin", filling)
+    world = WorldConfig(KILLS["PLANT"], arm_visuals=False)
+    folder = HarvestFolder(tmp_path / "harvest")
+    with folder as output:
+        with journaled_session(output, Scenario(SEED, "oracle", world), {}) as (session, _, _):
+            run = session.run()
+            assert np.abs(session.robot.joints() - HOME).max() < 0.02
+        monkeypatch.undo()
     assert "No space left" in run.stopped
+    assert run.home
     assert len(run.attempts) == 1
-    assert KILLS["ended"](folder) == []
+    assert KILLS["ended"](tmp_path / "harvest") == []
 
 
 def test_a_snapshot_of_another_world_is_refused(stopped: Path) -> None:

@@ -6,13 +6,23 @@ import contextlib
 import fcntl
 import json
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from punnet.errors import FileFormatError, OutputError
 
-__all__ = ["AppendOnlyLog", "read_lines", "write_durably"]
+__all__ = ["AppendOnlyLog", "read_lines", "told_disk_errors", "write_durably"]
+
+
+@contextlib.contextmanager
+def told_disk_errors(place: Path) -> Iterator[None]:
+    """Whatever the disk does not take under ``place`` is an :class:`OutputError`."""
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(f"{place}: can't be written ({error.strerror or error})") from error
 
 
 def write_durably(path: Path, content: bytes) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 from punnet import __version__
 from punnet.errors import FileFormatError
 from punnet.harvest.attempts import Attempt, History, Phase
-from punnet.harvest.durable import write_durably
+from punnet.harvest.durable import told_disk_errors, write_durably
 from punnet.harvest.failures import Failure, Recovery
 from punnet.harvest.folder import LOG_SCHEMA, HarvestFolder
 from punnet.harvest.scenario import Session
@@ -69,7 +69,8 @@ class SessionJournal:
     def end(self, attempt: Attempt) -> None:
         """Write down everything that the attempt leaves, and last the line by which it counts."""
         number = attempt.number
-        _save_files(self._attempt_folder(number), attempt)
+        with told_disk_errors(self._attempt_folder(number)):
+            _save_files(self._attempt_folder(number), attempt)
         state = self._resume_file("state", number)
         write_durably(self._resume_file("film", number), self._recorder.archive(self._saved_states))
         write_durably(state, take_snapshot(self._session.robot))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from punnet.errors import ConfigurationError
 from punnet.harvest.attempts import Attempt, HarvestRun
-from punnet.harvest.durable import write_durably
+from punnet.harvest.durable import told_disk_errors, write_durably
 from punnet.harvest.folder import HarvestFolder
 from punnet.harvest.journal import SessionJournal
 from punnet.harvest.loop import summary
@@ -76,7 +76,10 @@ def harvest_into(
     announcer = announcer or Announcer()
     if pick is not None:
         scenario = replace(scenario, harvest=replace(scenario.harvest, most_attempts=pick))
-    with journaled_session(output, scenario, options or {}, announcer) as (session, journal, recorder):
+    with (
+        told_disk_errors(output.path),
+        journaled_session(output, scenario, options or {}, announcer) as (session, journal, recorder),
+    ):
         run = session.run()
         journal.note(
             "ended",
@@ -95,8 +98,8 @@ def harvest_into(
             raise KeyboardInterrupt
         video = output.path / "harvest.mp4"
         render_film(recorder, session.world, video, progress=announcer.film)
-    report = replace(report, video=video.read_bytes())
-    _write(output, report)
+        report = replace(report, video=video.read_bytes())
+        _write(output, report)
     return report
 
 
