@@ -1,7 +1,11 @@
 """What is remembered of places, and what follows from it."""
 
-import numpy as np
+import json
 
+import numpy as np
+import pytest
+
+from punnet.errors import FileFormatError
 from punnet.harvest.attempts import Attempt, Outcome
 from punnet.harvest.failures import Failure, Recovery, StepFailed
 from punnet.harvest.memory import Memory
@@ -49,6 +53,22 @@ def test_a_place_where_one_was_picked_may_be_tried_again() -> None:
     memory.learn(an_attempt(None))
     assert memory.may_try(POINT)
     assert memory.next_second_view() is None
+
+
+def test_memory_survives_being_written_down() -> None:
+    memory = Memory(0.025, 3)
+    memory.learn(an_attempt(Failure.NOT_GRIPPED))
+    memory.learn(an_attempt(Failure.OUT_OF_REACH, POINT + 0.1, None))
+    memory.next_second_view()
+    other = Memory(0.025, 3)
+    other.restore(json.loads(json.dumps(memory.to_json())))
+    assert other.next_second_view() is None
+    assert other.at(POINT).was_tried_along(AHEAD)
+    assert other.may_try(POINT)
+    assert not other.may_try(POINT + 0.1)
+    assert other.to_json() == memory.to_json()
+    with pytest.raises(FileFormatError, match="memory of places"):
+        other.restore([{"point": [0, 0, 0]}])
 
 
 def test_reasons_name_their_kind_once() -> None:

@@ -187,11 +187,13 @@ class HarvestRun:
 class History:
     """What a run had done before it was killed.
 
-    ``attempts`` are those that ended, ``seconds`` on the robot's clock and of computing until then; ``resumed`` are the
-    numbers of the attempts with which the run went on, this time included; ``lost`` was in flight when it was killed.
+    ``attempts`` are those that ended, ``places`` what was remembered after the last of them, ``seconds`` on the robot's
+    clock and of computing until then; ``resumed`` are the numbers of the attempts with which the run went on, this time
+    included; ``lost`` was in flight when it was killed.
     """
 
     attempts: list[Attempt] = field(default_factory=list)
+    places: list[dict[str, Any]] = field(default_factory=list)
     seconds: tuple[float, float] = (0.0, 0.0)
     resumed: list[int] = field(default_factory=list)
     lost: int | None = None

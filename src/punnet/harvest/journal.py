@@ -83,6 +83,7 @@ class SessionJournal:
             class_index=int(attempt.berry.classes[0]),
             true_g=self._session.truth_of.get(number),
             seconds=[run.seconds_simulated, run.seconds_computing],
+            places=self._session.harvester.memory.to_json(),
         )
         self._resume_file("state", number - 1).unlink(missing_ok=True)
 
@@ -106,6 +107,7 @@ class SessionJournal:
             elif kind == "attempt_ended":
                 attempt = _load_files(self._attempt_folder(int(record["number"])), record)
                 history.attempts.append(attempt)
+                history.places = record["places"]
                 simulated, computing = record["seconds"]
                 history.seconds = (float(simulated), float(computing))
                 history.lost = None

@@ -98,6 +98,11 @@ class Harvester:
         """What has been done until now."""
         return self._situation.run
 
+    @property
+    def memory(self) -> Memory:
+        """What is remembered of the places where picking was tried."""
+        return self._situation.memory
+
     def run(self) -> HarvestRun:
         """Harvest until no pluckable berry is left that has not been tried often enough.
 
@@ -220,8 +225,8 @@ class Harvester:
         run, packer = self.run_so_far, self._parts.packer
         run.attempts.extend(history.attempts)
         self._before = history.seconds
+        self.memory.restore(history.places)
         for attempt in history.attempts:
-            self._situation.memory.learn(attempt)
             if attempt.meant_for is None:
                 continue
             if attempt.outcome is Outcome.PICKED:

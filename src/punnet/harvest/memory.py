@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from punnet.errors import FileFormatError
 from punnet.harvest.attempts import Attempt
 from punnet.harvest.failures import Recovery
 
@@ -74,6 +76,43 @@ class Memory:
         place.aside |= recovery is Recovery.SET_ASIDE
         place.other_side |= recovery is Recovery.OTHER_SIDE
         place.second_view |= recovery in (Recovery.OTHER_SIDE, Recovery.SECOND_VIEW)
+
+    def to_json(self) -> list[dict[str, Any]]:
+        """Plain values, from which :meth:`restore` makes the same memory."""
+        return [
+            {
+                "point": place.point.tolist(),
+                "tries": place.tries,
+                "approaches": [approach.tolist() for approach in place.approaches],
+                "other_side": place.other_side,
+                "second_view": place.second_view,
+                "aside": place.aside,
+            }
+            for place in self._places
+        ]
+
+    def restore(self, places: list[dict[str, Any]]) -> None:
+        """Remember what :meth:`to_json` wrote down, and nothing else.
+
+        Raises
+        ------
+        FileFormatError
+            If a value is missing or of the wrong kind.
+        """
+        try:
+            self._places = [
+                Place(
+                    np.array(place["point"], dtype=np.float64),
+                    int(place["tries"]),
+                    [np.array(approach, dtype=np.float64) for approach in place["approaches"]],
+                    bool(place["other_side"]),
+                    bool(place["second_view"]),
+                    bool(place["aside"]),
+                )
+                for place in places
+            ]
+        except (KeyError, TypeError, ValueError) as error:
+            raise FileFormatError(f"memory of places: not as it was written ({error!r})") from error
 
     def next_second_view(self) -> Place | None:
         """A place that is to be looked at from a second view now; asked for once."""
