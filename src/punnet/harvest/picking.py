@@ -48,7 +48,7 @@ class Reach:
     def _shift(self, attempt: Attempt) -> NDArray[np.float64]:
         """How far (3,) from the planned point the tool has to go, by a look on the way; 0 where it can't tell.
 
-        Within what two looks differ by noise the mean of both is taken; a berry that is farther off has moved.
+        Within what two looks differ by noise the first counts: nearer by, but from a slant, the second is no better.
         """
         try:
             berries = self._parts.eyes.perceive(self._parts.eyes.look())
@@ -63,7 +63,7 @@ class Reach:
             return np.zeros(3)
         offset, distance = offsets[np.argmin(distances)], float(distances.min())
         if distance <= _LOOKS_DIFFER:
-            return np.asarray(offset / 2.0)
+            return np.zeros(3)
         self._parts.tell(f"the berry has moved by {1000 * distance:.0f} mm", attempt)
         return np.asarray(offset)
 
