@@ -53,6 +53,14 @@ def harvest(
             "--suite", help="Kind of plant: easy, thesis, clustered, occluded or night.", show_default=False
         ),
     ] = None,
+    choice: Annotated[
+        str | None,
+        typer.Option(
+            "--choice",
+            help="Which reach of a planner's: mean, clearest (default) or collision-aware.",
+            show_default=False,
+        ),
+    ] = None,
     pick: Annotated[
         int | None,
         typer.Option(
@@ -79,12 +87,13 @@ def harvest(
     if resume:
         from punnet.harvest.folder import options_of
 
-        if seed is not None or detector or oracle or suite or pick or force:
+        if seed is not None or detector or oracle or suite or choice or pick or force:
             raise ConfigurationError("--resume takes all options from the log; leave the others out")
         options = options_of(out)
     else:
         options = {"seed": seed or 0, "perception": perception_in_simulation(detector, oracle=oracle)}
         options |= {"suite": suite} if suite else {}
+        options |= {"choice": choice} if choice else {}
         options |= {"pick": pick} if pick else {}
     report = _harvest(options, out, force=force, resume=resume)
     if as_json:
