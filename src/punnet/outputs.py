@@ -10,7 +10,7 @@ from types import TracebackType
 
 from punnet.errors import OutputError, OutputExistsError
 
-__all__ = ["MARKER_FILE", "Interrupted", "OutputFolder", "write_bytes", "write_text"]
+__all__ = ["MARKER_FILE", "Interrupted", "OutputFolder", "replace_folder", "write_bytes", "write_text"]
 
 MARKER_FILE = ".punnet-output.json"
 """Marks a folder as made by Punnet; ``force`` replaces no other."""
@@ -94,7 +94,7 @@ class OutputFolder:
         staging, self._staging = self.path, None
         if error is None:
             self._mark(staging, complete=True)
-            _replace(self.folder, staging)
+            replace_folder(self.folder, staging)
             return
         kept = self._keep(staging) if self.pieces else None
         shutil.rmtree(staging, ignore_errors=True)
@@ -133,7 +133,7 @@ class OutputFolder:
             place = place.with_name(f"{place.name}-partial")
             if place.exists() and not (place / self._marker).is_file():
                 return None
-        _replace(place, staging)
+        replace_folder(place, staging)
         return place
 
 
@@ -175,8 +175,8 @@ def write_bytes(path: str | Path, content: bytes, *, force: bool = False) -> Pat
     return path
 
 
-def _replace(place: Path, staging: Path) -> None:
-    """Move ``staging`` to ``place``; what was there goes once the new one is in its place."""
+def replace_folder(place: Path, staging: Path) -> None:
+    """Move the folder ``staging`` to ``place``; what was there goes once the new one is in its place."""
     if not place.exists():
         staging.rename(place)
         return

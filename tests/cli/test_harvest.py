@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from punnet.bundle import load_bundle
-from punnet.harvest.benchmark import ClusterResult
+from punnet.harvest.benchmark_plants import PlantResult
 from punnet.outputs import MARKER_FILE
 
 # A shell that runs the tests in the background has Ctrl-C ignored, and its children inherit that.
@@ -85,15 +85,22 @@ def test_interrupted_harvest_is_kept_and_said_so(tmp_path: Path) -> None:
     assert "interrupted" in (out / "report.html").read_text(encoding="utf-8")
     assert (out / "first_view.png").is_file()
     assert json.loads((out / MARKER_FILE).read_text())["complete"] is False
+    kinds = [json.loads(line)["kind"] for line in (out / "harvest.jsonl").read_text().splitlines()]
+    assert kinds == ["begun", "attempt_begun", "ended"]
+
+
+def test_resume_takes_everything_from_the_log(punnet, tmp_path: Path) -> None:
+    punnet("harvest", "--resume", "--out", tmp_path / "none").fails_with("holds no harvest.jsonl", "--resume")
+    punnet("harvest", "--resume", "--seed", "3", "--out", tmp_path).fails_with("leave the others out")
 
 
 @pytest.mark.parametrize("finished", [0, 2])
 def test_interrupted_benchmark_gives_the_figures_of_what_is_done(
     punnet, monkeypatch: pytest.MonkeyPatch, finished: int
 ) -> None:
-    def broken_off(*args: object, progress: Callable[[ClusterResult], None], **kwargs: object) -> None:
-        for seed in range(finished):
-            progress(ClusterResult(seed))
+    def broken_off(*args: object, progress: Callable[[PlantResult], None], **kwargs: object) -> None:
+        for number in range(finished):
+            progress(PlantResult(number, 7))
         raise KeyboardInterrupt
 
     monkeypatch.setattr("punnet.harvest.benchmark.run_benchmark", broken_off)

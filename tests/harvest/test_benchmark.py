@@ -1,101 +1,80 @@
 import json
 
+import numpy as np
 import pytest
-from scipy.stats import binomtest
 
-from punnet.errors import BundleError, ConfigurationError
-from punnet.harvest.benchmark import (
-    BenchmarkResult,
-    ClusterResult,
-    cluster_seed,
-    run_benchmark,
-    wilson_interval,
-)
-from punnet.harvest.judge import Fate
-from punnet.sim.cluster import ClusterConfig
+from punnet.errors import BundleError, ConfigurationError, OutputExistsError
+from punnet.harvest.benchmark import BenchmarkSettings, plant_seed, run_benchmark, run_plant
+from punnet.harvest.benchmark_folder import FIGURES, PICTURE, read_figures
+from punnet.outputs import MARKER_FILE
+
+SETTINGS = BenchmarkSettings("easy", 5, "oracle")
 
 
-def a_fate(index, **changes):
-    values = {
-        "index": index,
-        "stage": "ripe",
-        "pluckable": True,
-        "reachable": True,
-        "mass": 20.0,
-        "detached": True,
-        "punnet": 0,
-        "peak_force": 3.0,
-        "tool_force": 0.0,
-        **changes,
-    }
-    return Fate(**values)
-
-
-@pytest.mark.parametrize(("hits", "count"), [(0, 5), (3, 5), (5, 5), (97, 100)])
-def test_intervals_are_wilsons(hits, count):
-    expected = binomtest(hits, count).proportion_ci(method="wilson")
-    assert wilson_interval(hits, count) == pytest.approx((expected.low, expected.high), abs=1e-4)
-
-
-def test_no_trials_say_nothing():
-    assert wilson_interval(0, 0) == (0.0, 1.0)
-
-
-def test_every_berry_is_counted_where_it_belongs():
-    attempts = (
-        {"outcome": "picked", "phase": "place", "reason": None, "reason_kind": ""},
-        {
-            "outcome": "failed",
-            "phase": "grip",
-            "reason": "nothing between the pads",
-            "reason_kind": "nothing",
-        },
-    )
-    fates = (
-        a_fate(0),
-        a_fate(1, detached=False, punnet=None),  # tried, not got
-        a_fate(2, punnet=None),  # dropped
-        a_fate(3, reachable=False, detached=False, punnet=None),
-        a_fate(4, pluckable=False, peak_force=11.0),  # wrong and bruised
-        a_fate(5, pluckable=False, detached=False, punnet=None, tool_force=4.0),
-    )
-    figures = BenchmarkResult("colour", 0, (ClusterResult(7, fates, attempts, 30.0, 2.0),)).to_json()
-    assert (figures["success"]["hits"], figures["success"]["of"]) == (1, 3)
-    assert (figures["wrong_picks"]["hits"], figures["wrong_picks"]["of"]) == (1, 3)
-    assert (figures["damaged"]["hits"], figures["damaged"]["of"]) == (1, 3)
-    assert (figures["unripe_touched"]["hits"], figures["unripe_touched"]["of"]) == (1, 2)
-    assert figures["failure_reasons"] == {"grip: nothing": 1}
-    assert figures["seconds_a_pick"] == 30.0
-    json.dumps(figures, allow_nan=False)
-
-
-def test_a_berry_that_was_never_tried_is_a_failure_with_a_reason():
-    result = BenchmarkResult("colour", 0, (ClusterResult(7, (a_fate(0, detached=False, punnet=None),)),))
-    assert list(result.failure_reasons()) == ["look: never recognised as ripe and in reach"]
-
-
-def test_clusters_of_two_benchmarks_differ():
-    seeds = {cluster_seed(seed, number) for seed in range(20) for number in range(50)}
+def test_plants_of_two_benchmarks_differ():
+    seeds = {plant_seed(seed, number) for seed in range(20) for number in range(50)}
     assert len(seeds) == 1000
 
 
-def test_counts_are_checked():
+@pytest.mark.parametrize(
+    ("settings", "named"),
+    [({"suite": "hard"}, "hard"), ({"choice": "best"}, "best"), ({"seed": -1}, "seed")],
+)
+def test_settings_are_checked(settings, named):
+    with pytest.raises(ConfigurationError, match=named):
+        BenchmarkSettings(**settings)
+
+
+def test_counts_and_back_end_are_checked():
     with pytest.raises(ConfigurationError, match="clusters and workers"):
-        run_benchmark(0, 1)
+        run_benchmark(SETTINGS, 0)
+    with pytest.raises(ConfigurationError, match="threads"):
+        run_benchmark(SETTINGS, 1, backend="threads")
 
 
 def test_a_detector_that_cannot_be_had_ends_it_at_once():
     with pytest.raises(BundleError, match="eyes-closed"):
-        run_benchmark(2, 5, perception="eyes-closed")
+        run_benchmark(BenchmarkSettings(perception="eyes-closed"), 2)
 
 
-def test_workers_make_no_difference():
-    plant = ClusterConfig(trusses=(1, 1), berries=(1, 2), canopy_leaves=(0, 0), hanging_leaves=(0, 0))
-    alone, together = (
-        run_benchmark(2, 5, workers=workers, perception="oracle", cluster=plant) for workers in (1, 2)
-    )
-    strip = [
-        [(fate.index, fate.punnet, fate.detached) for fate in result.fates] for result in (alone, together)
+def test_workers_make_no_difference_and_a_run_goes_on_where_it_was(tmp_path):
+    folder = tmp_path / "run"
+    together = run_benchmark(SETTINGS, 2, workers=2, folder=folder)
+    assert all(plant.error is None for plant in together.plants)
+    assert [plant.number for plant in together.plants] == [0, 1]
+
+    def without_computing(plant):
+        return {name: value for name, value in plant.to_json().items() if name != "seconds_computing"}
+
+    assert any(attempt.cut_error < 0.02 for plant in together.plants for attempt in plant.attempts)
+    assert json.loads((folder / MARKER_FILE).read_text())["complete"] is True
+    assert (folder / PICTURE).read_bytes().startswith(b"\x89PNG")
+
+    (folder / "plants" / "000001.json").unlink()
+    told = []
+    again = run_benchmark(SETTINGS, 2, folder=folder, progress=lambda plant: told.append(plant.number))
+    assert told == [0, 1]
+    assert [without_computing(plant) for plant in again.plants] == [
+        without_computing(plant) for plant in together.plants
     ]
-    assert strip[0] == strip[1]
-    assert all(cluster.error is None for cluster in alone.clusters)
+    # plant 0 is the very one of the first run, computing seconds and all
+    assert again.plants[0].to_json() == together.plants[0].to_json()
+    figures = read_figures(folder)
+    assert figures["suite"] == "easy"
+    assert figures["suite_version"] == 1
+    assert figures["clusters"] == 2
+    assert figures == json.loads((folder / FIGURES).read_text())
+
+    with pytest.raises(OutputExistsError, match="begun with seed 5"):
+        run_benchmark(BenchmarkSettings("easy", 6, "oracle"), 2, folder=folder)
+
+
+def test_a_plant_that_cannot_be_grown_ends_alone(monkeypatch):
+    def cannot(*arguments, **options):
+        raise ConfigurationError("no plant today")
+
+    monkeypatch.setattr("punnet.harvest.benchmark.Session", cannot)
+    result = run_plant(SETTINGS, 3)
+    assert result.error == "no plant today"
+    assert result.seed == plant_seed(5, 3)
+    assert np.isclose(result.seconds_simulated, 0.0)

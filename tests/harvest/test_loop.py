@@ -1,13 +1,17 @@
 """The loop on a real simulated plant, and with one part made to fail at a time."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from punnet.errors import BundleError, ConfigurationError, PlanningError
 from punnet.harvest.attempts import Outcome, Phase
 from punnet.harvest.config import HarvestConfig
-from punnet.harvest.order import picking_order
+from punnet.harvest.deciding import Order, Plan
+from punnet.harvest.order import DEFAULT_ORDER, order_of
 from punnet.harvest.scenario import Scenario, Session
+from punnet.harvest.seeing import Look, Perceive, Weigh
 from punnet.movement import JointTrajectory
 from punnet.perception.choosing import SIMULATION_DETECTOR
 from punnet.robot import CutResult, GripResult, MotionResult
@@ -54,7 +58,7 @@ def test_the_run_tells_what_the_world_knows(harvested):
     )
     for attempt in run.picked:
         assert attempt.weighed == pytest.approx(session.truth_of[attempt.number], abs=1.0)
-        assert attempt.phase is Phase.PLACE
+        assert attempt.phase is Phase.VERIFY
         assert attempt.punnet == attempt.meant_for
         assert attempt.seconds_simulated > 3.0
         assert attempt.distribution is not None
@@ -107,27 +111,42 @@ def test_full_punnets_take_no_more():
 
 def test_a_berry_that_does_not_fit_waits_for_one_that_does():
     with a_session(seed=THREE_RIPE, nominal_punnet=60.0) as session:
-        harvester = session.harvester
-        run = harvester.run_so_far
-        frame, berries = harvester._look(run)
-        first, second = picking_order(frame, berries)[:2]
+        parts, situation = session.harvester._parts, session.harvester._situation
+        for step in (Look(parts), Perceive(parts), Weigh(parts)):
+            step.do(situation)
+        frame, berries = situation.seen
+        first, second = order_of(DEFAULT_ORDER)(frame, berries)[:2]
         grams = np.full(len(berries), 40.0)
         grams[second] = 12.0
-        berries = berries.with_fields(weights=grams, weight_intervals=grams[:, None] * np.array([0.95, 1.05]))
+        situation.berries = berries.with_fields(
+            weights=grams, weight_intervals=grams[:, None] * np.array([0.95, 1.05])
+        )
         for punnet in (0, 1):
-            harvester._packer.observe(punnet, 50.0)
-        assert harvester._choose(run, frame, berries) == (second, 0)
-        harvester._remember_try(berries.picking_points[second])
-        harvester._remember_try(berries.picking_points[second])
-        assert harvester._choose(run, frame, berries) == (first, 0)  # none fits: the best of them
+            parts.packer.observe(punnet, 50.0)
+        order = Order(parts)
+        assert order.do(situation) is Phase.PLAN
+        assert (situation.in_hand.row, situation.in_hand.meant_for) == (second, 0)
+        situation.memory.learn(situation.in_hand)
+        situation.memory.learn(situation.in_hand)
+        order.do(situation)
+        assert (situation.in_hand.row, situation.in_hand.meant_for) == (
+            first,
+            0,
+        )  # none fits: the best of them
 
 
 def test_a_berry_out_of_reach_is_skipped_with_the_reason():
     with a_session() as session:
-        session.harvester._planner = Refusing()
+        with_planner(session, Refusing())
         run = session.run()
         assert run.attempts
         assert all(a.outcome is Outcome.SKIPPED and "out of reach" in a.reason for a in run.attempts)
+
+
+def with_planner(session, planner):
+    harvester = session.harvester
+    harvester._parts = replace(harvester._parts, planner=planner)
+    harvester._steps[Phase.PLAN] = Plan(harvester._parts)
 
 
 class Refusing:
@@ -141,10 +160,10 @@ def test_an_arm_that_is_held_up_ends_the_run_safely():
     with a_session() as session:
         follow = session.robot.follow
 
-        def held_up(trajectory: JointTrajectory) -> MotionResult:
+        def held_up(trajectory: JointTrajectory, force_limit: float | None = None) -> MotionResult:
             if session.robot.time > 4.0:
                 return MotionResult(False, "arm held up")
-            return follow(trajectory)
+            return follow(trajectory, force_limit)
 
         session.robot.follow = held_up
         run = session.run()
@@ -159,7 +178,7 @@ def test_an_interrupt_keeps_what_was_done():
 
         def interrupted():
             looks.append(1)
-            if len(looks) == 2:
+            if len(looks) == 3:  # the second is on the way
                 raise KeyboardInterrupt
             return look()
 

@@ -158,6 +158,26 @@ def test_an_interrupted_run_says_so(report: HarvestReport) -> None:
     assert "interrupted" not in parse(render_report(report)).text
 
 
+def test_a_run_that_went_on_says_where(report: HarvestReport) -> None:
+    page = render_report(replace(report, resumed=(2, 3)))
+    text = " ".join(parse(page).text.split())
+    assert "gone on with 2 times, with attempt 2, 3." in text
+    assert page.index("1. pluckable") < page.index("Broken off here") < page.index("2. pluckable")
+    assert page.count("Broken off here") == 2
+    assert "Broken off" not in render_report(report)
+
+
+def test_a_run_that_the_robot_stopped_says_why(report: HarvestReport) -> None:
+    text = parse(render_report(replace(report, stopped="the arm <does not> get home"))).text
+    assert "The robot stopped: the arm <does not> get home." in text
+
+
+def test_what_was_not_as_usual_is_noted(report: HarvestReport) -> None:
+    noted = replace(report.picks[1], notes=("seen from a second view", "then: stop & think"))
+    text = parse(render_report(replace(report, picks=(report.picks[0], noted)))).text
+    assert "seen from a second view · then: stop & think" in text
+
+
 def test_unknown_picture_format_is_refused(report: HarvestReport) -> None:
     with pytest.raises(FileFormatError, match="PNG, JPEG or MP4"):
         render_report(replace(report, first_view=b"GIF89a"))

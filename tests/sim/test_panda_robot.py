@@ -121,6 +121,26 @@ def test_an_arm_that_runs_into_the_table_stops(robot):
     assert "structure" in result.reason or "held up" in result.reason
 
 
+def test_a_reach_that_pushes_a_fruit_stops_before_it_bruises(robot):
+    world, berry = robot.world, in_front(robot)
+    T = world.berry_poses()[berry]
+    middle = T[:3, 3] - 0.02 * T[:3, 2] + np.array([0.03, 0.0, 0.0])  # straight through the fruit
+    plan = ProMPDepthPlanner.from_bundle().plan(NOTHING, Target(np.zeros(4), middle), robot.joints())
+    path = plan.mean(np.linspace(0, 1, 100))
+    path[0] = robot.joints()
+    result = robot.follow(retime(path, ARM.limits, speed=0.5), force_limit=0.5)
+    assert not result.reached
+    assert result.reason.startswith("pushed a fruit: with ")
+    assert result.peak_force < 10.0
+    assert np.abs(robot.world.data.qvel[:7]).max() < 0.1
+
+
+def test_an_arm_that_is_too_fast_is_stopped(robot):
+    robot._arm = Panda(limits=ARM.limits.slowed(0.3))
+    result = robot.follow(retime(np.stack((robot.joints(), HOME + 0.3)), ARM.limits))
+    assert result.reason.startswith("too fast: joint ")
+
+
 def test_the_weigh_cell_weighs_what_lies_in_the_punnet(robot):
     world, berry = robot.world, in_front(robot)
     assert abs(robot.weigh_punnet(0)) < 1.0

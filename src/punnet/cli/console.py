@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 __all__ = [
     "busy",
     "counted_progress",
-    "film_progress",
     "note",
     "print_json",
     "print_table",
@@ -91,13 +90,6 @@ def progress_bar(what: str, total: int) -> Iterator[Callable[[], None]]:
 def counted_progress(what: str) -> Iterator[Callable[[int, int], None]]:
     """Like :func:`progress_bar`, told of items done and items in all, which nobody knows before."""
     with _bar(what) as show:
-        yield show
-
-
-@contextmanager
-def film_progress() -> Iterator[Callable[[int, int], None]]:
-    """Progress of drawing a film, told of frames done and frames in all."""
-    with counted_progress("drawing the film") as show:
         yield show
 
 

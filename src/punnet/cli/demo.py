@@ -7,9 +7,11 @@ from typing import Annotated, Any
 
 import typer
 
-from punnet.cli.console import film_progress, print_json, say, whisper
+from punnet.cli.console import note, print_json, say, whisper
 from punnet.cli.eyes import perception_in_simulation
+from punnet.cli.harvest_progress import harvest_progress
 from punnet.cli.options import DetectorName, Force, Json, Oracle, OutFolder, Seed
+from punnet.errors import ConfigurationError
 
 __all__ = ["register"]
 
@@ -34,37 +36,92 @@ def demo(
 
     The folder holds report.html, harvest.mp4, first_view.png, reach.png, harvest.json and the first RGB-D frame.
     """
-    report = _harvest(seed, perception_in_simulation(detector), out, force)
+    report = _harvest({"seed": seed, "perception": perception_in_simulation(detector)}, out, force=force)
     _tell(report, out)
 
 
 def harvest(
     out: OutFolder,
-    seed: Seed = 0,
+    seed: Annotated[
+        int | None, typer.Option("--seed", min=0, help="Seed of everything random.", show_default="0")
+    ] = None,
     detector: DetectorName = None,
     oracle: Oracle = False,
+    suite: Annotated[
+        str | None,
+        typer.Option(
+            "--suite", help="Kind of plant: easy, thesis, clustered, occluded or night.", show_default=False
+        ),
+    ] = None,
+    choice: Annotated[
+        str | None,
+        typer.Option(
+            "--choice",
+            help="Which reach of a planner's: mean, clearest (default) or collision-aware.",
+            show_default=False,
+        ),
+    ] = None,
+    pick: Annotated[
+        int | None,
+        typer.Option(
+            "--pick",
+            min=1,
+            help="Harvest up to this attempt; report and film are of it alone.",
+            show_default=False,
+        ),
+    ] = None,
+    resume: Annotated[
+        bool,
+        typer.Option("--resume", help="Go on with a harvest that was killed or interrupted in this folder."),
+    ] = False,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Harvest the plant of a seed in the simulator; like demo, for any plant, and for machines to read."""
-    report = _harvest(seed, perception_in_simulation(detector, oracle=oracle), out, force)
+    """Harvest the plant of a seed in the simulator; like demo, for any plant, and for machines to read.
+
+    A pick that failed is looked at alone with --pick: the same seed harvests the same way.
+
+    What is done is on the disk at once (harvest.jsonl): after a kill, --resume goes on with the berry that was in
+    flight, and no berry counts twice.
+    """
+    if resume:
+        from punnet.harvest.folder import options_of
+
+        if seed is not None or detector or oracle or suite or choice or pick or force:
+            raise ConfigurationError("--resume takes all options from the log; leave the others out")
+        options = options_of(out)
+    else:
+        options = {"seed": seed or 0, "perception": perception_in_simulation(detector, oracle=oracle)}
+        options |= {"suite": suite} if suite else {}
+        options |= {"choice": choice} if choice else {}
+        options |= {"pick": pick} if pick else {}
+    report = _harvest(options, out, force=force, resume=resume)
     if as_json:
         print_json({"out": str(out), **report.to_json()})
     else:
         _tell(report, out)
-    if report.ripe and not report.picked:
+    if report.ripe and not report.picked and "pick" not in options:
         raise typer.Exit(1)
 
 
-def _harvest(seed: int, perception: str, out: Path, force: bool) -> Any:
+def _harvest(options: dict[str, Any], out: Path, *, force: bool = False, resume: bool = False) -> Any:
+    """Harvest what ``options``, which the log keeps, say; anew, or on from where the log ends."""
+    from punnet.harvest.config import HarvestConfig
+    from punnet.harvest.folder import HarvestFolder
+    from punnet.harvest.picks_table import PARQUET_EXTRA, parquet_is_there
     from punnet.harvest.scenario import Scenario
-    from punnet.harvest.session_folder import Announcer, harvest_into
-    from punnet.outputs import OutputFolder
+    from punnet.harvest.session_folder import harvest_into
 
-    with OutputFolder(out, force=force) as output:
-        whisper(f"growing the plant of seed {seed}")
-        with film_progress() as film:
-            return harvest_into(output, Scenario(seed, perception), Announcer(whisper, film))
+    plant = {name: value for name, value in options.items() if name != "pick"}
+    with HarvestFolder(out, force=force, resume=resume) as output:
+        whisper(f"growing the plant of seed {options['seed']}")
+        with harvest_progress(HarvestConfig().nominal_punnet) as announcer:
+            report = harvest_into(output, Scenario(**plant), announcer, options, options.get("pick"))
+    if not parquet_is_there():
+        note(
+            f"picks.parquet was not written, it needs pyarrow: {PARQUET_EXTRA}; harvest.jsonl has the same rows"
+        )
+    return report
 
 
 def _tell(report: Any, out: Path) -> None:

@@ -1,215 +1,219 @@
-"""Harvest many unseen clusters and count, by the simulator's truth."""
+"""Harvest many unseen plants of a suite and count, by the simulator's truth."""
 
 from __future__ import annotations
 
-import math
 import multiprocessing
 import signal
-from collections import Counter
+import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from punnet.errors import ConfigurationError, PunnetError
-from punnet.harvest.attempts import Attempt, Outcome
-from punnet.harvest.judge import Fate
+from punnet.harvest.attempts import Attempt
+from punnet.harvest.benchmark_figures import figures_of
+from punnet.harvest.benchmark_folder import BenchmarkFolder
+from punnet.harvest.benchmark_plants import AttemptResult, PlantResult
+from punnet.harvest.benchmark_watch import Watch
+from punnet.harvest.config import HarvestConfig
+from punnet.harvest.order import DEFAULT_ORDER, order_of
 from punnet.harvest.scenario import ORACLE, Scenario, Session
+from punnet.harvest.suites import suite_of
 from punnet.perception import load_detector
 from punnet.perception.choosing import SIMULATION_DETECTOR
-from punnet.sim.cluster import ClusterConfig
+from punnet.planning.choice import CHOICES, DEFAULT_CHOICE
+from punnet.sim.workers import require_backend, run_jobs
 from punnet.sim.world import WorldConfig
 
-__all__ = [
-    "BenchmarkResult",
-    "ClusterResult",
-    "cluster_seed",
-    "run_benchmark",
-    "run_cluster",
-    "wilson_interval",
-]
+__all__ = ["BenchmarkResult", "BenchmarkSettings", "plant_seed", "run_benchmark", "run_plant"]
+
+SCHEMA = "punnet-harvest-benchmark/1"
 
 
 @dataclass(frozen=True)
-class ClusterResult:
-    """One cluster: its seed, the fate of its berries, and the attempts in brief. ``error`` is why it ended early."""
+class BenchmarkSettings:
+    """What decides the figures, but for the number of plants.
 
-    seed: int
-    fates: tuple[Fate, ...] = ()
-    attempts: tuple[dict[str, Any], ...] = ()
-    seconds_simulated: float = 0.0
-    seconds_computing: float = 0.0
-    error: str | None = None
+    Parameters
+    ----------
+    suite
+        One of :data:`~punnet.harvest.suites.SUITES`.
+    seed
+        Of the benchmark; its plants have seeds of their own, :func:`plant_seed`.
+    perception
+        A detector's name or folder, or ``oracle``; see :class:`~punnet.harvest.scenario.Scenario`.
+    choice
+        How a reach is chosen; see :mod:`punnet.planning.choice`.
+    order
+        Which berry comes next; see :mod:`punnet.harvest.order`.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such suite or choice, or the seed is negative.
+    """
+
+    suite: str = "easy"
+    seed: int = 0
+    perception: str = SIMULATION_DETECTOR
+    choice: str = DEFAULT_CHOICE
+    order: str = DEFAULT_ORDER
+
+    def __post_init__(self) -> None:
+        suite_of(self.suite)
+        order_of(self.order)
+        if self.choice not in CHOICES:
+            raise ConfigurationError(f"benchmark: no choice '{self.choice}'; there are {', '.join(CHOICES)}")
+        if self.seed < 0:
+            raise ConfigurationError(f"benchmark: seed must be ≥ 0, got {self.seed}")
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values, with the suite's version."""
+        return {
+            "schema": SCHEMA,
+            "suite": self.suite,
+            "suite_version": suite_of(self.suite).version,
+            "seed": self.seed,
+            "perception": self.perception,
+            "choice": self.choice,
+            "order": self.order,
+        }
 
 
 @dataclass(frozen=True)
 class BenchmarkResult:
-    """All clusters of a run of one perception."""
+    """All plants of a run, in the order of their numbers."""
 
-    perception: str
-    seed: int
-    clusters: tuple[ClusterResult, ...]
-
-    @property
-    def fates(self) -> list[Fate]:
-        """The fates of all berries of all clusters."""
-        return [fate for cluster in self.clusters for fate in cluster.fates]
+    settings: BenchmarkSettings
+    plants: tuple[PlantResult, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """The table's figures, with 95% Wilson intervals, and every cluster's seed and failures."""
-        fates = self.fates
-        wanted = [fate for fate in fates if fate.pluckable and fate.reachable]
-        detached = [fate for fate in fates if fate.detached]
-        unripe = [fate for fate in fates if not fate.pluckable]
-        picks = [attempt for cluster in self.clusters for attempt in cluster.attempts]
-        good = [attempt for attempt in picks if attempt["outcome"] == Outcome.PICKED]
-        simulated = sum(cluster.seconds_simulated for cluster in self.clusters)
-        computing = sum(cluster.seconds_computing for cluster in self.clusters)
-        return {
-            "perception": self.perception,
-            "seed": self.seed,
-            "clusters": len(self.clusters),
-            "berries": len(fates),
-            "pluckable": sum(fate.pluckable for fate in fates),
-            "reachable_pluckable": len(wanted),
-            "success": _share(sum(fate.success for fate in wanted), len(wanted)),
-            "wrong_picks": _share(sum(fate.wrongly_picked for fate in detached), len(detached)),
-            "damaged": _share(sum(fate.damaged for fate in detached), len(detached)),
-            "unripe_touched": _share(sum(fate.collided for fate in unripe), len(unripe)),
-            "attempts": len(picks),
-            "seconds_a_pick": round(simulated / len(good), 2) if good else None,
-            "computing_seconds_a_pick": round(computing / len(good), 2) if good else None,
-            "failure_reasons": self.failure_reasons(),
-            "errors": {cluster.seed: cluster.error for cluster in self.clusters if cluster.error},
-            "per_cluster": [_cluster_json(cluster) for cluster in self.clusters],
-        }
-
-    def failure_reasons(self) -> dict[str, int]:
-        """How often each reason ended an attempt, or kept a reachable ripe berry from being tried at all."""
-        reasons: Counter[str] = Counter()
-        for cluster in self.clusters:
-            for attempt in cluster.attempts:
-                if attempt["outcome"] != Outcome.PICKED:
-                    reasons[f"{attempt['phase']}: {attempt['reason_kind']}"] += 1
-            missed = sum(f.pluckable and f.reachable and not f.detached for f in cluster.fates)
-            tried = sum(attempt["outcome"] != Outcome.PICKED for attempt in cluster.attempts)
-            if missed > tried:
-                reasons["look: never recognised as ripe and in reach"] += missed - tried
-        return dict(reasons.most_common())
+        """Settings and figures, every plant's seed and attempts among them."""
+        return {**self.settings.to_json(), **figures_of(self.plants)}
 
 
-def wilson_interval(hits: int, count: int, z: float = 1.96) -> tuple[float, float]:
-    """Wilson score interval of a share; (0, 1) for no trials."""
-    if count == 0:
-        return 0.0, 1.0
-    share = hits / count
-    centre = (share + z**2 / (2 * count)) / (1 + z**2 / count)
-    half = z * math.sqrt(share * (1 - share) / count + z**2 / (4 * count**2)) / (1 + z**2 / count)
-    return max(0.0, centre - half), min(1.0, centre + half)
-
-
-def _share(hits: int, count: int) -> dict[str, Any]:
-    low, high = wilson_interval(hits, count)
-    return {
-        "hits": hits,
-        "of": count,
-        "share": round(hits / count, 4) if count else None,
-        "interval_95": [round(low, 4), round(high, 4)],
-    }
-
-
-def _cluster_json(cluster: ClusterResult) -> dict[str, Any]:
-    wanted = [fate for fate in cluster.fates if fate.pluckable and fate.reachable]
-    return {
-        "seed": cluster.seed,
-        "success": sum(fate.success for fate in wanted),
-        "of": len(wanted),
-        "wrong_picks": sum(fate.wrongly_picked for fate in cluster.fates),
-        "damaged": sum(fate.damaged and fate.detached for fate in cluster.fates),
-        "attempts": list(cluster.attempts),
-    }
-
-
-def cluster_seed(seed: int, number: int) -> int:
-    """Seed of cluster ``number`` of the benchmark with ``seed``: spread out, so that no two benchmarks share plants."""
+def plant_seed(seed: int, number: int) -> int:
+    """Seed of plant ``number`` of the benchmark with ``seed``: spread out, so that no two benchmarks share plants."""
     return int(np.random.SeedSequence((seed, number)).generate_state(1)[0])
 
 
-def run_cluster(seed: int, perception: str, cluster: ClusterConfig | None = None) -> ClusterResult:
-    """Grow the plant of ``seed``, harvest it, judge it. An error ends this cluster, not the benchmark."""
-    if multiprocessing.parent_process() is not None:
-        # Ctrl-C reaches the workers too; the process that started them ends them, without a traceback each.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-    scenario = Scenario(seed, perception, WorldConfig(cluster or ClusterConfig(), arm_visuals=False))
-    try:
-        with Session(scenario) as session:
-            run = session.run()
-            if run.interrupted:
-                raise KeyboardInterrupt
-            return ClusterResult(
-                seed,
-                tuple(session.fates()),
-                tuple(_brief(attempt) for attempt in run.attempts),
-                run.seconds_simulated,
-                run.seconds_computing,
-                run.stopped,
-            )
-    except PunnetError as error:
-        return ClusterResult(seed, error=str(error))
-
-
-def _brief(attempt: Attempt) -> dict[str, Any]:
-    return {
-        "outcome": attempt.outcome,
-        "phase": str(attempt.phase),
-        "reason": attempt.reason,
-        "reason_kind": (attempt.reason or "").partition(":")[0],
-        "estimate_g": None if math.isnan(attempt.estimate) else round(attempt.estimate, 1),
-        "weighed_g": None if math.isnan(attempt.weighed) else round(attempt.weighed, 1),
-        "picking_point": [round(float(value), 4) for value in attempt.picking_point],
-        "seconds": round(attempt.seconds_simulated, 2),
-    }
-
-
 def run_benchmark(
-    clusters: int,
-    seed: int,
+    settings: BenchmarkSettings,
+    plants: int,
     *,
     workers: int = 1,
-    perception: str = SIMULATION_DETECTOR,
-    cluster: ClusterConfig | None = None,
-    progress: Callable[[ClusterResult], None] | None = None,
+    backend: str = "loky",
+    folder: str | Path | None = None,
+    force: bool = False,
+    progress: Callable[[PlantResult], None] | None = None,
 ) -> BenchmarkResult:
-    """Harvest ``clusters`` plants, the same ones for the same ``seed`` whatever the number of workers.
+    """Harvest ``plants`` plants, the same ones for the same settings whatever the number of workers.
 
     Parameters
     ----------
-    perception
-        A detector's name or folder, or ``oracle``; see :class:`Scenario`.
+    settings
+        What is harvested, and how.
     workers
-        Processes; joblib's default back end, so another one can be set around this call.
-    cluster
-        The kind of plant; the demo's if None.
+        Processes (``loky``) or tasks at a time (``ray``).
+    folder
+        Where each plant's result is kept as soon as it is there: a run that was interrupted goes on, and one that is
+        complete can be given more plants.
+    force
+        Begin anew what the folder holds.
     progress
-        Told of each cluster as it is done.
+        Told of each plant as it is done, those of an earlier run first.
 
     Raises
     ------
     BundleError
         If the detector can't be had.
+    ConfigurationError
+        If a number is out of range, or Ray is asked for and not installed.
+    OutputExistsError
+        If the folder was made with other settings, or by something else.
     """
-    if clusters < 1 or workers < 1:
-        raise ConfigurationError(f"benchmark: clusters and workers must be ≥ 1, got {clusters} and {workers}")
-    if perception != ORACLE:
-        load_detector(perception)  # else every single cluster would say that it can't be had
-    jobs = (
-        delayed(run_cluster)(cluster_seed(seed, number), perception, cluster) for number in range(clusters)
+    if plants < 1 or workers < 1:
+        raise ConfigurationError(f"benchmark: clusters and workers must be ≥ 1, got {plants} and {workers}")
+    require_backend("benchmark", backend)
+    if settings.perception != ORACLE:
+        load_detector(settings.perception)  # else every single plant would say that it can't be had
+    place = None if folder is None else BenchmarkFolder(folder, settings.to_json())
+    done: dict[int, PlantResult] = {}
+    if place is not None:
+        place.open(force=force)
+        done = {number: result for number, result in place.results().items() if number < plants}
+    progress = progress or (lambda result: None)
+    for number in sorted(done):
+        progress(done[number])
+    jobs = [(settings, number) for number in range(plants) if number not in done]
+    for result in run_jobs(run_plant, jobs, workers, backend):
+        if place is not None:
+            place.add(result)
+        done[result.number] = result
+        progress(result)
+    finished = BenchmarkResult(settings, tuple(done[number] for number in sorted(done)))
+    if place is not None:
+        place.complete(finished.to_json())
+    return finished
+
+
+def run_plant(settings: BenchmarkSettings, number: int) -> PlantResult:
+    """Grow plant ``number``, harvest it, judge it. An error ends this plant, not the benchmark."""
+    if multiprocessing.parent_process() is not None:
+        # Ctrl-C reaches the workers too; the process that started them ends them, without a traceback each.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    seed = plant_seed(settings.seed, number)
+    try:
+        watch = Watch()
+        scenario = Scenario(
+            seed,
+            settings.perception,
+            WorldConfig(arm_visuals=False),
+            HarvestConfig(order=settings.order),
+            suite=settings.suite,
+            choice=settings.choice,
+        )
+        with Session(scenario, watch.listen) as session:
+            return _harvested(PlantResult(number, seed), session, watch)
+    except PunnetError as error:
+        return PlantResult(number, seed, error=str(error))
+
+
+def _harvested(plant: PlantResult, session: Session, watch: Watch) -> PlantResult:
+    watch.session = session
+    began = time.process_time()
+    run = session.run()
+    computing = time.process_time() - began - session.timed.seconds
+    if run.interrupted:
+        raise KeyboardInterrupt
+    watch.finish()
+    result = replace(
+        plant,
+        fates=tuple(session.fates()),
+        attempts=tuple(_attempt(session, watch, attempt) for attempt in run.attempts),
+        collisions=tuple(watch.collisions),
+        seconds_simulated=run.seconds_simulated,
+        seconds_computing=computing,
+        error=run.stopped,
     )
-    results = []
-    for result in Parallel(n_jobs=workers, return_as="generator", batch_size=1)(jobs):
-        results.append(result)
-        if progress is not None:
-            progress(result)
-    return BenchmarkResult(perception, seed, tuple(results))
+    # Through JSON and back, so that figures are the same for a plant of this run and of an earlier one.
+    return PlantResult.from_json(result.to_json(), "result")
+
+
+def _attempt(session: Session, watch: Watch, attempt: Attempt) -> AttemptResult:
+    truth = watch.attempts.get(attempt.number)
+    return AttemptResult(
+        outcome=str(attempt.outcome),
+        phase=str(attempt.phase),
+        reason=attempt.reason,
+        aimed=None if truth is None else truth.aimed,
+        estimate=attempt.estimate,
+        interval=attempt.interval,
+        true_weight=session.truth_of.get(attempt.number, float("nan")),
+        located_error=float("nan") if truth is None else truth.located_error,
+        cut_error=float("nan") if truth is None else truth.cut_error,
+        seconds=attempt.seconds_simulated,
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from punnet.errors import ConfigurationError
+from punnet.harvest.order import DEFAULT_ORDER, order_of
 
 __all__ = ["HarvestConfig"]
 
@@ -23,34 +24,55 @@ class HarvestConfig:
         Metres the tool backs out along its approach before it turns to the punnet.
     attempts
         Tries at one berry before it is set aside.
+    patience
+        Looks in a row that may give nothing before the harvest stops.
     same_berry
         Metres within which picking points of two looks are the same berry.
     most_looks
         Looks after which the loop ends whatever it sees; a guard against endless loops.
+    look_on_the_way
+        Metres before the end of a reach at which the berry is looked at once more; nearer than 0.2 m the camera, which sits
+        above the tool, does not see the fruit. 0: not at all.
+    reach_force
+        Newtons of the tool on a fruit at which a reach is broken off; None: never.
+    most_attempts
+        Attempts after which the harvest ends; None: when no berry is left.
     separation
         Opening of the separation fingers once the stem is between the pads, in [0, 1].
     nominal_punnet
         Grams that a punnet should hold.
     punnet_berries
         Berries at which a punnet is full whatever it weighs.
+    order
+        Which berry is picked next: one of :data:`punnet.harvest.order.ORDERS`.
     """
 
     speed: float = 0.9
     careful_speed: float = 0.5
     retreat: float = 0.11
     attempts: int = 2
+    patience: int = 3
     same_berry: float = 0.025
     most_looks: int = 60
+    look_on_the_way: float = 0.21
+    reach_force: float | None = 8.0
+    most_attempts: int | None = None
     separation: float = 1.0
     nominal_punnet: float = 250.0
     punnet_berries: int = 18
+    order: str = DEFAULT_ORDER
 
     def __post_init__(self) -> None:
+        order_of(self.order)
         if not (0 < self.speed <= 1 and 0 < self.careful_speed <= 1):
             raise ConfigurationError(
                 f"harvest: speeds must lie in (0, 1], got {self.speed} and {self.careful_speed}"
             )
-        if self.attempts < 1 or self.most_looks < 1 or self.retreat <= 0 or self.same_berry <= 0:
+        if (
+            min(self.attempts, self.patience, self.most_looks) < 1
+            or self.retreat <= 0
+            or self.same_berry <= 0
+        ):
             raise ConfigurationError(
-                "harvest: attempts and most_looks must be ≥ 1, retreat and same_berry > 0"
+                "harvest: attempts, patience and most_looks must be ≥ 1, retreat and same_berry > 0"
             )

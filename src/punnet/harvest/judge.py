@@ -75,6 +75,21 @@ class Fate:
             "damaged": self.damaged,
         }
 
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> Fate:
+        """Read what :meth:`to_json` wrote; a missing value is a :class:`KeyError`."""
+        return cls(
+            index=int(data["index"]),
+            stage=str(data["stage"]),
+            pluckable=bool(data["pluckable"]),
+            reachable=bool(data["reachable"]),
+            mass=float(data["mass_g"]),
+            detached=bool(data["detached"]),
+            punnet=data["punnet"],
+            peak_force=float(data["peak_force_n"]),
+            tool_force=float(data["tool_force_n"]),
+        )
+
 
 def reachable_berries(world: World, arm: Panda | None = None) -> NDArray[np.bool_]:
     """(N,) whether the arm can bring the tool to each berry's stem, 90 mm straight in, from one of 15 directions.

@@ -1,49 +1,44 @@
-"""The harvest loop: look, perceive, weigh, choose berry and punnet, plan, reach, separate, grip, cut, retreat, place."""
+"""The harvest as a state machine: which step follows which, and what is done when one fails.
+
+look → perceive → weigh → order → plan → check → reach → separate → grip → cut → place → verify → look …
+
+Each step is an object with one job (:mod:`punnet.harvest.seeing`, :mod:`~punnet.harvest.deciding`,
+:mod:`~punnet.harvest.picking`). It gives the phase that comes next, or raises
+:class:`~punnet.harvest.failures.StepFailed` with a failure, which has a recovery.
+"""
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from punnet.errors import KinematicsError, PlanningError, RobotError
-from punnet.harvest.attempts import Attempt, HarvestRun, Outcome, Phase
+from punnet.errors import KinematicsError, OutputError, RobotError
+from punnet.harvest.attempts import Attempt, HarvestRun, History, Journal, Outcome, Phase
 from punnet.harvest.config import HarvestConfig
+from punnet.harvest.deciding import Check, Order, Plan
+from punnet.harvest.eyes import Eyes
+from punnet.harvest.failures import Failure, Recovery, StepFailed
+from punnet.harvest.memory import Memory
 from punnet.harvest.motions import Motions
-from punnet.harvest.order import obstacles, picking_order
+from punnet.harvest.picking import CUTTING, EMPTY_PUNNET_NOISE, Cut, Grip, Place, Reach, Separate, Verify
+from punnet.harvest.seeing import Look, Perceive, Weigh
+from punnet.harvest.situation import Listener, Parts, Situation, Step, weighed
 from punnet.perception.detector import Detector
-from punnet.perception.picking_points import locate_picking_points
 from punnet.planning import Planner
-from punnet.planning.clearance import approach_directions
-from punnet.robot import Panda, Robot
-from punnet.scene import Frame, Strawberries, Target
+from punnet.robot import GuardedRobot, MotionGuard, Robot
 from punnet.weight import WeightEstimator
-from punnet.weight.packing import LookAhead, Packer, PackingConfig, WeighedBerry
+from punnet.weight.packing import LookAhead, Packer, PackingConfig
 
-__all__ = ["CUTTING", "Harvester", "Listener"]
+__all__ = ["CUTTING", "Harvester", "Listener", "summary"]
 
-Listener = Callable[[str, Attempt | None], None]
-"""Told of each step: a line for a person, and the attempt it belongs to."""
-
-CUTTING = "cuts the stem"
-"""What a listener is told when the blade starts."""
-
-_EMPTY_PUNNET_NOISE = 1.0  # grams; a gain below this means that nothing fell in
-
-
-class _StepError(Exception):
-    """A step did not work out; carries the reason for the log. Never leaves this module."""
-
-
-@dataclass
-class _Remembered:
-    """A place where picking was tried, and how often."""
-
-    point: NDArray[np.float64]
-    tries: int
+STEPS = (Look, Perceive, Weigh, Order, Plan, Check, Reach, Separate, Grip, Cut, Place, Verify)
+IN_THE_PLANT = (Phase.REACH, Phase.SEPARATE, Phase.GRIP, Phase.CUT)
+"""Phases in which the tool is among the berries: after a failure it is backed out first."""
+NOT_TRIED = (Phase.ORDER, Phase.PLAN, Phase.CHECK)
+"""Phases in which nothing has moved yet: a failure there is a berry skipped."""
 
 
 class Harvester:
@@ -59,6 +54,8 @@ class Harvester:
         Settings.
     listener
         Told of each step.
+    guard
+        What every motion has to pass; the Panda's limits and its own body if None, but no structure.
     """
 
     def __init__(
@@ -70,225 +67,214 @@ class Harvester:
         punnet_places: NDArray[np.float64],
         config: HarvestConfig | None = None,
         listener: Listener | None = None,
+        guard: MotionGuard | None = None,
     ) -> None:
-        self.config = config or HarvestConfig()
-        self._robot = robot
-        self._detector = detector
-        self._scale = scale
-        self._planner = planner
-        self._tell = listener or (lambda line, attempt: None)
-        self._motions = Motions(robot, Panda(), punnet_places, self.config)
-        packing = PackingConfig(self.config.nominal_punnet, self.config.punnet_berries)
-        self._packer = Packer(LookAhead(packing), len(punnet_places))
-        self._tried: list[_Remembered] = []
-        self.run_so_far = HarvestRun()
+        self.config = config = config or HarvestConfig()
+        packing = PackingConfig(config.nominal_punnet, config.punnet_berries)
+        self._places = len(punnet_places)
+        guarded = GuardedRobot(robot, guard or MotionGuard())
+        self._parts = Parts(
+            guarded,
+            Eyes(guarded, detector),
+            scale,
+            planner,
+            Motions(guarded, guarded.guard.arm, punnet_places, config),
+            Packer(LookAhead(packing), self._places),
+            config,
+            listener or (lambda line, attempt: None),
+        )
+        self._situation = Situation(Memory(config.same_berry, config.attempts))
+        self._steps: dict[Phase, Step] = {step.phase: step(self._parts) for step in STEPS}
+        self.journal: Journal | None = None
+        """Told of each attempt; set before :meth:`run`."""
+        self.is_home = False
+        """Whether the arm is known to be home, the tool open and empty; :meth:`run` goes there first if not."""
+        self._before = (0.0, 0.0)
+        self._began = (0.0, 0.0)
+        self._attempt_began = (0.0, 0.0)
+
+    @property
+    def run_so_far(self) -> HarvestRun:
+        """What has been done until now."""
+        return self._situation.run
+
+    @property
+    def memory(self) -> Memory:
+        """What is remembered of the places where picking was tried."""
+        return self._situation.memory
 
     def run(self) -> HarvestRun:
         """Harvest until no pluckable berry is left that has not been tried often enough.
 
-        An interrupt (Ctrl-C) or an arm that does not get home ends the run where it is; what was done is in the
-        result, with the reason in ``stopped``.
+        An interrupt (Ctrl-C) or a failure that only a stop is safe after ends the run where it is; what was done is
+        in the result, with the reason in ``stopped``.
         """
         run = self.run_so_far
-        began, clock = self._robot.time, time.perf_counter()
+        self._began = self._now()
         try:
-            self._go_home()
-            for _ in range(self.config.most_looks):
-                frame, berries = self._look(run)
-                chosen = self._choose(run, frame, berries)
-                if chosen is None:
-                    break
-                self._attempt(run, frame, berries, *chosen)
+            if not self.is_home:
+                self._parts.motions.require_home()
+            phase: Phase | None = Phase.LOOK
+            while phase is not None:
+                phase = self._do(phase)
         except KeyboardInterrupt:
             run.interrupted = True
-        except (RobotError, KinematicsError) as error:
-            run.stopped = str(error)
-            self._tell(f"stopped: {error}", None)
-        run.punnet_weights = [punnet.grams for punnet in self._packer.punnets.values()]
-        run.punnets_full = [number in self._packer.due() for number in self._packer.punnets]
-        run.seconds_simulated = self._robot.time - began
-        run.seconds_computing = time.perf_counter() - clock
+            self._broken_off("interrupted")
+        except StepFailed as failure:
+            self._stop(failure.reason)
+        except (RobotError, KinematicsError, OutputError) as error:
+            self._stop(str(error))
+        punnets = self._parts.packer.punnets
+        run.punnet_weights = [punnets[n].grams if n in punnets else 0.0 for n in range(self._places)]
+        run.punnets_full = [n in self._parts.packer.due() for n in range(self._places)]
+        self._take_time()
         return run
 
-    def _go_home(self) -> None:
-        """Home, or the end of the run: from anywhere else the plant is not seen as it should be."""
-        home = self._motions.go_home()
-        if not home.reached:
-            raise RobotError(f"the arm does not get home: {home.reason}")
+    def _do(self, phase: Phase) -> Phase | None:
+        """One step; the phase to go on with."""
+        situation = self._situation
+        try:
+            if situation.attempt is not None:
+                situation.attempt.phase = phase
+            following = self._steps[phase].do(situation)
+        except StepFailed as failure:
+            return self._recover(phase, failure)
+        except KinematicsError as error:
+            return self._recover(phase, StepFailed(Failure.NO_KINEMATICS, str(error)))
+        except RobotError as error:
+            return self._recover(phase, StepFailed(Failure.ROBOT_FAULT, str(error)))
+        if phase is Phase.ORDER and situation.attempt is not None:
+            self._begin(situation.attempt)
+        elif phase is Phase.VERIFY:
+            self._end(situation.in_hand)
+        return following
 
-    def _look(self, run: HarvestRun) -> tuple[Frame, Strawberries]:
-        """A frame and its berries, weighed and located."""
-        frame = self._robot.look()
-        berries = self._detector.detect(frame)
-        if np.isnan(berries.picking_points).all():
-            berries = locate_picking_points(frame, berries)
-        estimates = self._scale.estimate(frame, berries)
-        berries = berries.with_fields(weights=estimates.grams, weight_intervals=estimates.intervals)
-        if run.first_frame is None:
-            run.first_frame, run.first_berries = frame, berries
-        run.last_berries = berries
-        self._tell(f"sees {len(berries)} berries, {int(berries.pluckable.sum())} pluckable", None)
-        return frame, berries
+    def _recover(self, phase: Phase, failed: StepFailed) -> Phase:
+        """After a failure: arm out of the plant and home, the attempt ended, and back to looking; or a stop."""
+        situation, attempt = self._situation, self._situation.attempt
+        recovery = failed.failure.recovery
+        if recovery is Recovery.LOOK_AGAIN:
+            situation.in_vain += 1
+            if situation.in_vain >= self.config.patience:
+                recovery = Recovery.STOP
+        if attempt is not None:
+            attempt.phase, attempt.failure, attempt.reason = phase, failed.failure, failed.reason
+            attempt.outcome = Outcome.SKIPPED if phase in NOT_TRIED else Outcome.FAILED
+        else:
+            self._parts.tell(f"{phase}: {failed.reason}; {recovery}", None)
+        self._note(phase, failed, recovery)
+        if recovery is Recovery.STOP:
+            raise failed
+        if attempt is not None:
+            if phase in IN_THE_PLANT:
+                self._parts.motions.back_off()
+            if phase not in NOT_TRIED:
+                try:
+                    self._parts.motions.require_home()
+                except StepFailed as stuck:
+                    self._note(phase, stuck, Recovery.STOP)
+                    raise
+            self._end(attempt)
+        return Phase.LOOK
 
-    def _choose(self, run: HarvestRun, frame: Frame, berries: Strawberries) -> tuple[int, int | None] | None:
-        """The next berry that has tries left and fits a punnet, and that punnet.
+    def _note(self, phase: Phase, failed: StepFailed, recovery: Recovery) -> None:
+        """Write a failure down."""
+        if self.journal is not None:
+            self.journal.failed(phase, failed.failure, failed.reason, recovery)
 
-        A berry that fits none waits on the plant; when there are only such, the one that fits best. No punnet:
-        all are full.
+    def _begin(self, attempt: Attempt) -> None:
+        """Write down that an attempt begins, before anything moves."""
+        self.run_so_far.attempts.append(attempt)
+        self._attempt_began = self._now()
+        if self.journal is not None:
+            self.journal.begin(attempt)
+
+    def _end(self, attempt: Attempt) -> None:
+        """Learn from an attempt, and write it down."""
+        self._situation.attempt = None
+        self._situation.memory.learn(attempt)
+        self._time(attempt)
+        self._parts.tell(summary(attempt), attempt)
+        self._take_time()
+        if self.journal is not None:
+            self.journal.end(attempt)
+
+    def _stop(self, reason: str) -> None:
+        """End the run safely: the tool open and out of the plant and the arm home, or still where it is if it can't."""
+        run, attempt = self.run_so_far, self._situation.attempt
+        run.stopped = reason
+        self._broken_off(reason)
+        try:
+            if attempt is not None and attempt.phase in IN_THE_PLANT:
+                self._parts.motions.back_off()
+            run.home = self._parts.motions.go_home().reached
+        except (RobotError, KinematicsError):
+            run.home = False
+        where = "the arm is home" if run.home else "the arm stays where it is"
+        self._parts.tell(f"stopped: {reason}; {where}", None)
+
+    def _broken_off(self, reason: str) -> None:
+        """The attempt in hand, if there is one, ends here."""
+        attempt = self._situation.attempt
+        if attempt is not None and attempt in self.run_so_far.attempts:
+            attempt.reason = attempt.reason or reason
+            self._time(attempt)
+
+    def restore(self, history: History) -> None:
+        """Take over what an earlier run had done: its attempts count, and their berries' tries and punnets are known."""
+        run, packer = self.run_so_far, self._parts.packer
+        run.attempts.extend(history.attempts)
+        self._before = history.seconds
+        self.memory.restore(history.places)
+        for attempt in history.attempts:
+            if attempt.meant_for is None:
+                continue
+            if attempt.outcome is Outcome.PICKED:
+                packer.place(attempt.meant_for, weighed(attempt.berries, attempt.row, attempt.number))
+            if not math.isnan(attempt.reading):
+                packer.observe(attempt.meant_for, attempt.reading)
+        if history.attempts:
+            first, last = history.attempts[0], history.attempts[-1]
+            run.first_frame, run.first_berries = first.frame, first.berries
+            self._situation.frame, self._situation.berries = last.frame, last.berries
+
+    def reconcile(self) -> list[float]:
+        """Grams that each punnet holds beyond what the attempts account for, as the berry of a pick that was cut short.
+
+        For a robot whose world went on while the program was dead, after :meth:`restore`: the berry is in the
+        punnet's weight from then on, and counted as no pick.
         """
-        rows = [
-            int(row)
-            for row in picking_order(frame, berries)
-            if self._memory(berries.picking_points[row]).tries < self.config.attempts
-        ]
-        if not rows:
-            return None
-        number = len(run.attempts) + 1
-        offers = []
-        for row in rows:
-            best = self._packer.best(_weighed(berries, row, number))
-            if best is None:
-                return row, None
-            punnet, cost = best
-            if cost <= self._packer.policy.price_aside:
-                return row, punnet
-            offers.append((cost, row, punnet))
-        _, row, punnet = min(offers)
-        return row, punnet
+        gained = []
+        for number in self._parts.packer.punnets:
+            reading = self._parts.robot.weigh_punnet(number)
+            grams = 0.0 if reading is None else self._parts.packer.observe(number, reading)
+            gained.append(grams)
+            if grams > EMPTY_PUNNET_NOISE:
+                self._parts.tell(f"punnet {number + 1} holds {grams:.1f} g that no pick accounts for", None)
+        return gained
 
-    def _memory(self, point: NDArray[np.float64]) -> _Remembered:
-        for place in self._tried:
-            if np.linalg.norm(place.point - point) < self.config.same_berry:
-                return place
-        return _Remembered(point, 0)
+    def _now(self) -> tuple[float, float]:
+        """Seconds on the robot's clock, and on ours."""
+        return self._parts.robot.time, time.perf_counter()
 
-    def _remember_try(self, point: NDArray[np.float64]) -> None:
-        place = self._memory(point)
-        if place.tries == 0:
-            self._tried.append(place)
-        place.tries += 1
+    def _time(self, attempt: Attempt) -> None:
+        robot, ours = self._now()
+        attempt.seconds_simulated = robot - self._attempt_began[0]
+        attempt.seconds_computing = ours - self._attempt_began[1]
 
-    def _attempt(
-        self, run: HarvestRun, frame: Frame, berries: Strawberries, row: int, punnet: int | None
-    ) -> None:
-        low, high = berries.weight_intervals[row]
-        attempt = Attempt(
-            number=len(run.attempts) + 1,
-            frame=frame,
-            berries=berries,
-            row=row,
-            picking_point=berries.picking_points[row],
-            estimate=float(berries.weights[row]),
-            interval=(float(low), float(high)),
-            meant_for=punnet,
-        )
-        run.attempts.append(attempt)
-        self._remember_try(attempt.picking_point)
-        began, clock = self._robot.time, time.perf_counter()
-        try:
-            self._pick(attempt)
-            attempt.outcome = Outcome.PICKED
-        except _StepError as failure:
-            attempt.reason = str(failure)
-            if attempt.phase is Phase.PLAN:
-                attempt.outcome = Outcome.SKIPPED
-        finally:
-            attempt.seconds_simulated = self._robot.time - began
-            attempt.seconds_computing = time.perf_counter() - clock
-        self._tell(_summary(attempt), attempt)
-
-    def _pick(self, attempt: Attempt) -> None:
-        """All the steps of one pick; whatever fails, the tool ends empty, open and out of the plant."""
-        self._plan(attempt)
-        try:
-            self._reach(attempt)
-            self._separate_and_grip(attempt)
-            self._cut(attempt)
-        except _StepError:
-            self._motions.back_off()
-            self._go_home()
-            raise
-        self._retreat_and_place(attempt)
-
-    def _plan(self, attempt: Attempt) -> None:
-        attempt.phase = Phase.PLAN
-        if attempt.meant_for is None:
-            raise _StepError("all punnets are full")
-        directions, _ = approach_directions(
-            attempt.picking_point, obstacles(attempt.frame, attempt.berries, attempt.row)
-        )
-        refusal: Exception | None = None
-        for direction in directions:
-            target = Target(attempt.berries.boxes[attempt.row], attempt.picking_point, direction)
-            try:
-                attempt.distribution = self._planner.plan(attempt.frame, target, self._robot.joints())
-                self._motions.prepare(attempt.distribution)
-            except (PlanningError, KinematicsError) as error:
-                refusal = refusal or error
-            else:
-                return
-        raise _StepError(str(refusal)) from refusal
-
-    def _reach(self, attempt: Attempt) -> None:
-        attempt.phase = Phase.REACH
-        self._tell(f"reaches for berry at {_place(attempt.picking_point)}", attempt)
-        result = self._motions.reach()
-        attempt.peak_force, attempt.touched = result.peak_force, result.touched
-        if not result.reached:
-            raise _StepError(result.reason or "did not arrive")
-
-    def _separate_and_grip(self, attempt: Attempt) -> None:
-        attempt.phase = Phase.SEPARATE
-        self._tell("moves its neighbours aside and grips the stem", attempt)
-        self._robot.separate(self.config.separation)
-        attempt.phase = Phase.GRIP
-        grip = self._robot.grip()
-        if not grip.holding:
-            raise _StepError(grip.reason or "nothing between the pads")
-
-    def _cut(self, attempt: Attempt) -> None:
-        attempt.phase = Phase.CUT
-        self._tell(CUTTING, attempt)
-        cut = self._robot.cut()
-        if not cut.cut:
-            raise _StepError(cut.reason or "the stem was not cut")
-
-    def _retreat_and_place(self, attempt: Attempt) -> None:
-        attempt.phase = Phase.RETREAT
-        punnet = attempt.meant_for
-        assert punnet is not None  # without one there was no plan
-        self._tell(f"carries it to punnet {punnet + 1}", attempt)
-        moved = self._motions.retreat()
-        self._robot.separate(0.0)
-        attempt.phase = Phase.PLACE
-        if moved.reached:
-            moved = self._motions.carry(punnet, len(self._packer.punnets[punnet].berries))
-        if moved.reached:
-            self._motions.leave_punnet()
-        berry = _weighed(attempt.berries, attempt.row, attempt.number)
-        self._packer.place(punnet, berry)
-        self._go_home()
-        gained = self._packer.observe(punnet, self._robot.weigh_punnet(punnet))
-        if gained < _EMPTY_PUNNET_NOISE:
-            self._packer.lost(punnet, berry)
-            raise _StepError(moved.reason or "the berry was lost on the way to the punnet")
-        attempt.weighed, attempt.punnet = gained, punnet
+    def _take_time(self) -> None:
+        """How long the run has taken until now."""
+        robot, ours = self._now()
+        self.run_so_far.seconds_simulated = self._before[0] + robot - self._began[0]
+        self.run_so_far.seconds_computing = self._before[1] + ours - self._began[1]
 
 
-def _weighed(berries: Strawberries, row: int, number: int) -> WeighedBerry:
-    """One of ``berries`` as the packer takes it."""
-    low, high = berries.weight_intervals[row]
-    return WeighedBerry(number, float(berries.weights[row]), float(low), float(high))
-
-
-def _place(point: NDArray[np.float64]) -> str:
-    return f"x {point[0]:.2f}, y {point[1]:+.2f}, z {point[2]:.2f} m"
-
-
-def _summary(attempt: Attempt) -> str:
+def summary(attempt: Attempt) -> str:
+    """How an attempt ended, as a listener is told."""
     if attempt.outcome is Outcome.PICKED:
+        weight = "not weighed" if math.isnan(attempt.weighed) else f"{attempt.weighed:.1f} g"
         return (
-            f"picked: {attempt.weighed:.1f} g (estimated {attempt.estimate:.1f} g) into punnet "
+            f"picked: {weight} (estimated {attempt.estimate:.1f} g) into punnet "
             f"{(attempt.punnet or 0) + 1}, {attempt.seconds_simulated:.1f} s"
         )
     return f"{attempt.outcome} while trying to {attempt.phase}: {attempt.reason}"

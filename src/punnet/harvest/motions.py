@@ -1,4 +1,4 @@
-"""The motions of a pick, each within the arm's limits: home, reach, retreat, carry."""
+"""The motions of a pick, each within the arm's limits: home, second view, reach, retreat, carry."""
 
 from __future__ import annotations
 
@@ -8,18 +8,21 @@ from numpy.typing import NDArray
 from punnet.errors import KinematicsError
 from punnet.geometry import invert_transform, make_transform
 from punnet.harvest.config import HarvestConfig
+from punnet.harvest.failures import Failure, StepFailed
 from punnet.harvest.punnets import slot_offset
-from punnet.movement import JointTrajectory, TrajectoryDistribution, retime
-from punnet.planning.approach import approach_rotation
+from punnet.movement import TrajectoryDistribution, retime
+from punnet.planning.approach import angles_of_approach, approach_rotation
 from punnet.robot import (
     HOME,
+    T_FLANGE_CAMERA,
     T_FLANGE_TOOL,
+    GuardedRobot,
     MotionResult,
     Panda,
-    Robot,
     follow_path,
     nearest_solution,
 )
+from punnet.robot.projection import projected
 
 __all__ = ["Motions"]
 
@@ -30,6 +33,8 @@ _RELEASE_HEIGHT = 0.070  # and where it lets go: the fruit then hangs 5 to 20 mm
 _GRIP_TO_FRUIT = 0.034  # from the grip along the stem to the middle of the fruit, which tilts with the tool
 _LAYER_HEIGHT = 0.030
 _BERRIES_A_LAYER = 6
+_VIEW_DISTANCE = 0.38  # metres from the camera to the berry for a second view
+_BELOW_POINT = 0.02  # metres below the picking point that it looks at: the berry's middle
 
 
 class Motions:
@@ -48,13 +53,13 @@ class Motions:
     """
 
     def __init__(
-        self, robot: Robot, arm: Panda, punnet_places: NDArray[np.float64], config: HarvestConfig
+        self, robot: GuardedRobot, arm: Panda, punnet_places: NDArray[np.float64], config: HarvestConfig
     ) -> None:
         self._robot = robot
         self._arm = arm
         self._punnets = punnet_places
         self._config = config
-        self._reach: JointTrajectory | None = None
+        self._outside = self._inside = np.empty((0, 7))
         self._over_punnet: NDArray[np.float64] | None = None
 
     def go_home(self) -> MotionResult:
@@ -63,23 +68,76 @@ class Motions:
         self._robot.release()
         return self._through(np.stack((self._robot.joints(), HOME)), self._config.speed)
 
-    def prepare(self, distribution: TrajectoryDistribution) -> None:
-        """Time the mean reach of ``distribution`` from where the arm is.
+    def require_home(self) -> None:
+        """Home.
+
+        Raises
+        ------
+        StepFailed
+            If the arm does not get there: from anywhere else the plant is not seen as it should be.
+        """
+        home = self.go_home()
+        if not home.reached:
+            raise StepFailed(Failure.NOT_HOME, home.reason or "")
+
+    def look_along(self, point: NDArray[np.float64], direction: NDArray[np.float64]) -> MotionResult:
+        """Bring the camera to where it looks at the berry under ``point`` (3,) along ``direction`` (3,).
+
+        Raises
+        ------
+        KinematicsError
+            If the arm can't hold it there.
+        """
+        rotation = approach_rotation(*angles_of_approach(direction))
+        T_tool_camera = invert_transform(T_FLANGE_TOOL) @ T_FLANGE_CAMERA
+        eye = point - np.array([0.0, 0.0, _BELOW_POINT]) - _VIEW_DISTANCE * direction
+        tool = eye - rotation @ T_tool_camera[:3, 3]
+        pose = self._arm.flange_pose(make_transform(rotation, tool))
+        joints = nearest_solution(pose, HOME, arm=self._arm)
+        return self._through(np.stack((self._robot.joints(), joints)), self._config.speed)
+
+    def prepare(self, distribution: TrajectoryDistribution) -> NDArray[np.float64]:
+        """Take the mean reach of ``distribution`` from where the arm is; the direction (3,) along which the tool comes in.
 
         Raises
         ------
         KinematicsError
             If it leaves the joint limits.
+        StepFailed
+            If the robot's guard would refuse it.
         """
         path = distribution.mean(np.linspace(0.0, 1.0, _PATH_POINTS))
         path[0] = self._robot.joints()
-        self._reach = retime(path, self._arm.limits, speed=self._config.careful_speed)
+        refusal = self._robot.refusal(retime(path, self._arm.limits, speed=self._config.careful_speed))
+        if refusal is not None:
+            raise StepFailed(Failure.UNSAFE, refusal)
+        tool = self._arm.forward_kinematics_tool(path)
+        near = np.linalg.norm(tool[:, :3, 3] - tool[-1, :3, 3], axis=1) < self._config.look_on_the_way
+        self._outside, self._inside = np.split(path, [int(np.argmax(near))])
+        return np.asarray(tool[-1, :3, 2])
 
-    def reach(self) -> MotionResult:
-        """Follow the prepared reach."""
-        if self._reach is None:
-            raise KinematicsError("reach: prepare a distribution first")
-        return self._robot.follow(self._reach)
+    def to_the_plant(self) -> MotionResult:
+        """The first part of the prepared reach, to where the berry is looked at once more."""
+        if len(self._outside) < 2:
+            return MotionResult(True)
+        return self._through(self._outside, self._config.speed)
+
+    def go_in(self, shift: NDArray[np.float64]) -> MotionResult:
+        """The rest, to an end that lies ``shift`` (3,) metres beside the prepared one; broken off if a fruit is pushed."""
+        path = np.concatenate((self._robot.joints()[None], self._inside))
+        path[1:] = self._shifted(path[1:], shift)
+        trajectory = retime(path, self._arm.limits, speed=self._config.careful_speed)
+        return self._robot.follow(trajectory, self._config.reach_force)
+
+    def _shifted(self, path: NDArray[np.float64], shift: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Joints (T, 7) of the path moved aside, little by little over its first half; as it is if the arm can't."""
+        if not shift.any():
+            return path
+        poses = self._arm.forward_kinematics(path)
+        share = np.clip(np.linspace(0.0, 2.0, len(path)), 0.0, 1.0)
+        poses[:, :3, 3] += (share * share * (3.0 - 2.0 * share))[:, None] * shift
+        moved = projected(self._arm, path, poses)
+        return moved if self._arm.within_limits(moved).all() else path
 
     def retreat(self) -> MotionResult:
         """Straight back out along the tool's axis."""

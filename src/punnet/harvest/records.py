@@ -37,6 +37,8 @@ class PickRecord:
         Number of the punnet that it went to, from 1; None if none.
     seconds_simulated, seconds_computing
         Time on the robot's clock, and on ours.
+    notes
+        What was not as usual, for a reader.
     images
         PNG or JPEG bytes by caption: what the camera saw before, at the grip, …
     plot
@@ -59,6 +61,7 @@ class PickRecord:
     punnet: int | None = None
     seconds_simulated: float = 0.0
     seconds_computing: float = 0.0
+    notes: Sequence[str] = ()
     images: Mapping[str, bytes] = field(default_factory=dict)
     plot: bytes | None = None
 
@@ -91,6 +94,7 @@ class PickRecord:
             "punnet": self.punnet,
             "seconds_simulated": round(self.seconds_simulated, 3),
             "seconds_computing": round(self.seconds_computing, 3),
+            "notes": list(self.notes),
         }
 
 
@@ -180,6 +184,12 @@ class HarvestReport:
         MP4 bytes (H.264, so that browsers play it), None without.
     interrupted
         Whether it was stopped from outside; the report is of what was done until then.
+    stopped
+        Why the robot ended it early, None if it did not.
+    only
+        Number of the attempt that it is of, None if it is of the whole harvest.
+    resumed
+        Numbers of the attempts with which it went on after a kill or an interruption.
     """
 
     ripe: int
@@ -195,6 +205,9 @@ class HarvestReport:
     first_view: bytes | None = None
     video: bytes | None = None
     interrupted: bool = False
+    stopped: str | None = None
+    only: int | None = None
+    resumed: Sequence[int] = ()
 
     @property
     def picked(self) -> list[PickRecord]:
@@ -228,6 +241,8 @@ class HarvestReport:
             "title": self.title,
             "created": self.created,
             "interrupted": self.interrupted,
+            "stopped": self.stopped,
+            "resumed_with": list(self.resumed),
             "ripe": self.ripe,
             "picked": len(self.picked),
             "grams": round(self.grams, 2),

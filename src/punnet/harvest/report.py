@@ -58,9 +58,7 @@ def render_report(report: HarvestReport) -> str:
             f"<li><strong>{value}</strong><span>{label}</span></li>" for value, label in _tiles(report)
         ),
         views=_views(report),
-        picks=_section(
-            "Berry by berry", f'<div class="cards">{_join(_card, report.picks)}</div>', report.picks
-        ),
+        picks=_section("Berry by berry", f'<div class="cards">{_cards(report)}</div>', report.picks),
         weights=_weights(report),
         punnets=_section(
             "In the punnets", f'<div class="punnets">{_join(_punnet, report.punnets)}</div>', report.punnets
@@ -71,14 +69,34 @@ def render_report(report: HarvestReport) -> str:
 
 
 def _headline(report: HarvestReport) -> str:
+    if report.only is not None:
+        return f"Attempt {report.only}: <b>{report.picks[0].outcome if report.picks else 'not made'}</b>"
     berries = "strawberry" if report.ripe == 1 else "strawberries"
     return f"<b>{len(report.picked)} of {report.ripe}</b> ripe {berries} picked"
 
 
 def _stopped(report: HarvestReport) -> str:
-    if not report.interrupted:
-        return ""
-    return '<p class="stopped">The harvest was interrupted; this is what was done until then.</p>'
+    words = []
+    if report.interrupted:
+        words.append("The harvest was interrupted; this is what was done until then.")
+    if report.stopped is not None:
+        words.append(f"The robot stopped: {escape(report.stopped)}.")
+    if report.resumed:
+        times = "once" if len(report.resumed) == 1 else f"{len(report.resumed)} times"
+        words.append(
+            f"The harvest was broken off and gone on with {times}, with attempt {_listed(report.resumed)}."
+        )
+    return f'<p class="stopped">{" ".join(words)}</p>' if words else ""
+
+
+def _listed(numbers: Iterable[int]) -> str:
+    return ", ".join(str(number) for number in numbers)
+
+
+def _cards(report: HarvestReport) -> str:
+    """A card an attempt, and a mark where the harvest went on after it had been broken off."""
+    mark = '<p class="resumed">Broken off here, and gone on with.</p>'
+    return "".join((mark if pick.id in report.resumed else "") + _card(pick) for pick in report.picks)
 
 
 def _tiles(report: HarvestReport) -> Iterable[tuple[str, str]]:
@@ -110,6 +128,7 @@ def _card(pick: PickRecord) -> str:
     reason = ""
     if pick.reason is not None:
         reason = f'<p class="reason {pick.outcome}">{escape(pick.reason)}</p>'
+    notes = f'<p class="soft notes">{escape(" · ".join(pick.notes))}</p>' if pick.notes else ""
     crops = "".join(
         f"<figure>{_image(data, caption)}<figcaption>{escape(caption)}</figcaption></figure>"
         for caption, data in pick.images.items()
@@ -122,9 +141,9 @@ def _card(pick: PickRecord) -> str:
     return (
         f'<article class="card"><header><h3>{pick.id}. {escape(pick.berry_class)}</h3>'
         f'<span class="badge {pick.outcome}">{BADGES[pick.outcome]}</span>'
-        f'<span class="time number">{pick.seconds_simulated:.1f} s</span></header>{reason}'
-        f'<div class="body{" with-plot" if plot else ""}"><div class="seen"><div class="crops">{crops}</div>'
-        f"{draw_weights(pick)}</div>{plot}</div></article>"
+        f'<span class="time number">{pick.seconds_simulated:.1f} s</span></header>{reason}{notes}'
+        f'<div class="crops">{crops}</div>'
+        f'<div class="body{" with-plot" if plot else ""}">{draw_weights(pick)}{plot}</div></article>'
     )
 
 

@@ -4,21 +4,28 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from types import TracebackType
+from typing import cast
 
 import numpy as np
 
 from punnet.errors import ConfigurationError
-from punnet.harvest.attempts import Attempt, HarvestRun
+from punnet.harvest.attempts import Attempt, HarvestRun, History
 from punnet.harvest.config import HarvestConfig
 from punnet.harvest.judge import Fate, judge, reachable_berries
 from punnet.harvest.loop import Harvester, Listener
+from punnet.harvest.suites import suite_of
+from punnet.harvest.timing import TimedRobot
 from punnet.perception import load_detector
 from punnet.perception.choosing import SIMULATION_DETECTOR
 from punnet.planning import ProMPDepthPlanner
+from punnet.planning.choice import DEFAULT_CHOICE, with_choice
+from punnet.robot import MotionGuard, Robot
+from punnet.sim.camera_effects import NIGHT_CAMERA
 from punnet.sim.depth_sensor import StereoDepthModel
 from punnet.sim.oracle import OracleDetector, OracleScale
 from punnet.sim.panda_robot import SimulatedPanda
 from punnet.sim.punnets import PUNNET_PLACES
+from punnet.sim.structure import structure_boxes
 from punnet.sim.world import WorldConfig, build_world
 from punnet.weight.choosing import load_weight_estimator
 
@@ -43,16 +50,31 @@ class Scenario:
         What is grown.
     harvest
         How the loop moves.
+    suite
+        One of :data:`~punnet.harvest.suites.SUITES`: the plant and the light are those of its ``seed``, in place of
+        what ``world`` says of them.
+    choice
+        How a reach is chosen; see :mod:`punnet.planning.choice`.
     """
 
     seed: int
     perception: str = SIMULATION_DETECTOR
     world: WorldConfig = field(default_factory=WorldConfig)
     harvest: HarvestConfig = field(default_factory=HarvestConfig)
+    suite: str | None = None
+    choice: str = DEFAULT_CHOICE
 
     def __post_init__(self) -> None:
         if self.seed < 0:
             raise ConfigurationError(f"seed must be ≥ 0, got {self.seed}")
+
+    def plant(self) -> tuple[int, WorldConfig]:
+        """Seed and config of the world to build."""
+        return (
+            (self.seed, self.world)
+            if self.suite is None
+            else suite_of(self.suite).plant(self.seed, self.world)
+        )
 
 
 class Session:
@@ -67,18 +89,23 @@ class Session:
         detector = None if scenario.perception == ORACLE else load_detector(scenario.perception)
         scale = OracleScale() if detector is None else load_weight_estimator()
         self.scale_name = scale.name
-        self.world = build_world(scenario.seed, scenario.world)
+        world_seed, config = scenario.plant()
+        self.world = build_world(world_seed, config)
         self.reachable = reachable_berries(self.world)
         noise = np.random.default_rng((scenario.seed, 1))
-        self.robot = SimulatedPanda(self.world, noise, StereoDepthModel())
+        camera = NIGHT_CAMERA if config.light == "lamp" else None
+        self.robot = SimulatedPanda(self.world, noise, StereoDepthModel(), camera)
+        self.timed = TimedRobot(self.robot)
+        """The robot as the harvester has it."""
         self.harvester = Harvester(
-            self.robot,
+            cast(Robot, self.timed),
             OracleDetector(self.robot) if detector is None else detector,
             scale,
-            ProMPDepthPlanner.from_bundle(),
+            with_choice(ProMPDepthPlanner.from_bundle(), scenario.choice),
             PUNNET_PLACES,
             scenario.harvest,
             self._listen,
+            MotionGuard(structure=structure_boxes(self.world)),
         )
         self._hanging = self.world.attached()
 
@@ -99,6 +126,12 @@ class Session:
             self._hanging = self.world.attached()
         if self._listener is not None:
             self._listener(line, attempt)
+
+    def resume(self, history: History) -> None:
+        """Go on from what an earlier run did; its world and its ``truth_of`` have been restored already."""
+        self._hanging = self.world.attached()
+        self.harvester.restore(history)
+        self.harvester.is_home = bool(history.attempts)
 
     def run(self) -> HarvestRun:
         """Harvest."""

@@ -6,7 +6,7 @@ import datetime
 import math
 import platform
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
 
@@ -16,27 +16,26 @@ from numpy.typing import NDArray
 
 from punnet import __version__
 from punnet.harvest.attempts import Attempt, HarvestRun, Outcome
+from punnet.harvest.judge import TOUCH_FORCE
 from punnet.harvest.records import HarvestReport, LeftRecord, PickRecord, PunnetRecord
 from punnet.harvest.scenario import Session
+from punnet.harvest.strip import strip
 from punnet.planning.plot import plot_distribution
 from punnet.scene import CLASSES, PLUCKABLE, Strawberries
 from punnet.scene.overlay import draw_overlay
 
 __all__ = ["annotated_first_view", "tell"]
 
-_CROP_MARGIN = 0.6  # of the box's longer side, on each side
-_CROP_SIZE = 240
-
 
 def tell(
-    session: Session, run: HarvestRun, close_ups: Mapping[int, NDArray[np.uint8]] | None = None
+    session: Session, run: HarvestRun, close_ups: Mapping[int, Mapping[str, NDArray[np.uint8]]] | None = None
 ) -> HarvestReport:
-    """The report of a finished (or interrupted) run; ``close_ups`` are pictures of the cut by attempt number."""
+    """The report of a finished (or interrupted) run; ``close_ups`` are pictures by attempt number and caption."""
     close_ups = close_ups or {}
     scenario = session.scenario
     return HarvestReport(
         ripe=sum(fate.pluckable for fate in session.fates()),
-        picks=[_pick(session, attempt, close_ups.get(attempt.number)) for attempt in run.attempts],
+        picks=[_pick(session, attempt, close_ups.get(attempt.number, {})) for attempt in run.attempts],
         left=_left(run),
         punnets=_punnets(session, run),
         seconds_simulated=run.seconds_simulated,
@@ -57,6 +56,7 @@ def tell(
         created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         first_view=annotated_first_view(run),
         interrupted=run.interrupted,
+        stopped=run.stopped,
     )
 
 
@@ -67,13 +67,10 @@ def annotated_first_view(run: HarvestRun) -> bytes | None:
     return _png(draw_overlay(run.first_frame.rgb, run.first_berries))
 
 
-def _pick(session: Session, attempt: Attempt, close_up: NDArray[np.uint8] | None) -> PickRecord:
+def _pick(session: Session, attempt: Attempt, close_ups: Mapping[str, NDArray[np.uint8]]) -> PickRecord:
     picked = attempt.outcome is Outcome.PICKED
     truth = session.truth_of.get(attempt.number)
     known = not math.isnan(attempt.estimate)
-    images = {"before": _crop(attempt)}
-    if close_up is not None:
-        images["at the cut"] = _png(close_up)
     return PickRecord(
         id=attempt.number,
         berry_class=CLASSES[int(attempt.berry.classes[0])],
@@ -86,9 +83,23 @@ def _pick(session: Session, attempt: Attempt, close_up: NDArray[np.uint8] | None
         punnet=None if attempt.punnet is None else attempt.punnet + 1,
         seconds_simulated=attempt.seconds_simulated,
         seconds_computing=attempt.seconds_computing,
-        images=images,
+        notes=tuple(_notes(attempt)),
+        images=strip(attempt, close_ups),
         plot=_plot(attempt),
     )
+
+
+def _notes(attempt: Attempt) -> Iterator[str]:
+    """What was not as usual."""
+    if attempt.second_view:
+        yield "seen from a second view"
+    moved = 1000 * float(np.linalg.norm(attempt.shift))
+    if moved >= 0.5:
+        yield f"aimed {moved:.0f} mm beside the plan, by a look on the way"
+    if attempt.peak_force > TOUCH_FORCE:
+        yield f"pressed a fruit with {attempt.peak_force:.1f} N on the way"
+    if attempt.failure is not None:
+        yield f"then: {attempt.failure.recovery}"
 
 
 def _left(run: HarvestRun) -> list[LeftRecord]:
@@ -133,19 +144,6 @@ def _punnets(session: Session, run: HarvestRun) -> list[PunnetRecord]:
             )
         )
     return records
-
-
-def _crop(attempt: Attempt) -> bytes:
-    """A square around the berry, as the camera saw it before the pick."""
-    box = attempt.berry.boxes[0]
-    picture = draw_overlay(attempt.frame.rgb, attempt.berry)
-    half = (0.5 + _CROP_MARGIN) * float(np.max(box[2:] - box[:2]))
-    middle = (box[:2] + box[2:]) / 2.0
-    crop = cv2.getRectSubPix(
-        picture, (round(2 * half), round(2 * half)), (float(middle[0]), float(middle[1]))
-    )
-    small = cv2.resize(crop, (_CROP_SIZE, _CROP_SIZE), interpolation=cv2.INTER_AREA)
-    return _png(small.astype(np.uint8, copy=False))
 
 
 def _plot(attempt: Attempt) -> bytes | None:

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from punnet.errors import ShapeError
 from punnet.planning.approach import approach_rotation, comfortable_angles
+from punnet.scene import Frame, Strawberries
 
-__all__ = ["Obstacles", "approach_directions", "clearance"]
+__all__ = ["Obstacles", "approach_directions", "clearance", "obstacles_among"]
 
 TOOL_LENGTH = 0.19
 """Metres of picker behind the grip point that pass through the plant."""
@@ -44,6 +45,19 @@ class Obstacles:
                 f"obstacles: need (N, 3), (N,) and (N,), got {self.picking_points.shape}, {self.radii.shape}, "
                 f"{self.lengths.shape}"
             )
+
+
+def obstacles_among(frame: Frame, berries: Strawberries, row: int) -> Obstacles:
+    """All located berries but ``row``, with sizes from their boxes at their distance from the camera."""
+    points = berries.picking_points
+    located = np.isfinite(points).all(axis=1)
+    others = located & (np.arange(len(points)) != row)
+    sizes = np.zeros((int(others.sum()), 2))
+    if frame.camera is not None and frame.T_base_camera is not None:
+        distance = np.linalg.norm(points[others] - frame.T_base_camera[:3, 3], axis=1)
+        boxes = berries.boxes[others]
+        sizes = (boxes[:, 2:] - boxes[:, :2]) / (frame.camera.fx, frame.camera.fy) * distance[:, None]
+    return Obstacles(points[others], sizes[:, 0] / 2.0, sizes[:, 1])
 
 
 def clearance(

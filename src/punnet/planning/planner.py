@@ -17,7 +17,10 @@ __all__ = ["Planner"]
 class Planner(Protocol):
     """From what a camera saw and a target berry to a distribution of reaches."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """What it is called in results."""
+        ...
 
     def plan(self, frame: Frame, target: Target, start: NDArray[np.float64]) -> TrajectoryDistribution:
         """Distribution of joint-space reaches from joints ``start`` (7,) to the target.

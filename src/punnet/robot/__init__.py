@@ -1,9 +1,12 @@
 """The arm: the Robot protocol, where the picker sits, and the Panda's kinematics."""
 
+from punnet.robot.arm_shape import Boxes
+from punnet.robot.dry_run import DryRunRobot
 from punnet.robot.nearest import nearest_solution, nearest_solutions
 from punnet.robot.panda import HOME, JOINT_NAMES, PANDA_LIMITS, PANDA_TORQUE, Panda
 from punnet.robot.path import follow_path
 from punnet.robot.protocol import CutResult, GripResult, MotionResult, Robot
+from punnet.robot.safety import GuardedRobot, MotionGuard
 from punnet.robot.tool import BLADE_ABOVE_GRIP, T_FLANGE_CAMERA, T_FLANGE_TOOL
 
 __all__ = [
@@ -14,8 +17,12 @@ __all__ = [
     "PANDA_TORQUE",
     "T_FLANGE_CAMERA",
     "T_FLANGE_TOOL",
+    "Boxes",
     "CutResult",
+    "DryRunRobot",
     "GripResult",
+    "GuardedRobot",
+    "MotionGuard",
     "MotionResult",
     "Panda",
     "Robot",

@@ -114,6 +114,18 @@ class Panda:
         T[..., 3, 3] = 1.0
         return T
 
+    def link_poses(self, joints: ArrayLike) -> NDArray[np.float64]:
+        """Poses (..., 9, 4, 4) in the base frame of the base itself, links 1 … 7 and the flange, for joints (..., 7)."""
+        q = _joints(joints)
+        T = np.zeros((*q.shape[:-1], 9, 4, 4))
+        T[..., 3, 3] = 1.0
+        T[..., 0, :3, :3] = np.eye(3)
+        for link, frame in enumerate(_link_frames(q), start=1):
+            for column, axis in enumerate(frame):
+                T[..., link, :3, column] = np.moveaxis(axis, 0, -1)
+        T[..., 8, :, :] = self.forward_kinematics(q)
+        return T
+
     def forward_kinematics_tool(self, joints: ArrayLike) -> NDArray[np.float64]:
         """Tool poses ``T_base_tool`` (..., 4, 4) of joints (..., 7)."""
         return self.forward_kinematics(joints) @ self.T_flange_tool

@@ -62,8 +62,12 @@ class Robot(Protocol):
         """RGB-D frame of the wrist camera with intrinsics and ``T_base_camera``."""
         ...
 
-    def follow(self, trajectory: JointTrajectory) -> MotionResult:
-        """Execute a joint trajectory that starts where the arm is."""
+    def follow(self, trajectory: JointTrajectory, force_limit: float | None = None) -> MotionResult:
+        """Execute a joint trajectory that starts where the arm is.
+
+        The robot watches its own limits, structure and whether the arm follows, and stops by itself. With
+        ``force_limit`` it also stops where the tool presses on a fruit with more than so many newtons.
+        """
         ...
 
     def separate(self, opening: float) -> None:
@@ -82,6 +86,6 @@ class Robot(Protocol):
         """Open the grasping fingers."""
         ...
 
-    def weigh_punnet(self, punnet: int) -> float:
-        """Reading of the weigh cell under a punnet, grams."""
+    def weigh_punnet(self, punnet: int) -> float | None:
+        """Reading of the weigh cell under a punnet, grams; None if there is no cell."""
         ...

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CameraEffects", "apply_effects", "draw_effects"]
+__all__ = ["NIGHT_CAMERA", "CameraEffects", "apply_effects", "draw_effects"]
 
 _METERED_MEAN = 0.42
 _MOST_LIGHT = 1.5  # of the brightest 2% of the picture
@@ -62,6 +62,24 @@ class CameraEffects:
     shot_noise: float
     read_noise: float
     jpeg_quality: int | None
+
+
+NIGHT_CAMERA = CameraEffects(
+    gain=(1.15, 1.12, 1.05),
+    metering=0.0,
+    saturation=0.95,
+    gamma=1.0,
+    contrast=0.0,
+    haze=0.0,
+    haze_colour=(1.0, 1.0, 1.0),
+    vignette=0.3,
+    defocus=0.5,
+    motion=(0.0, 0.0),
+    shot_noise=9.0,
+    read_noise=5.0,
+    jpeg_quality=None,
+)
+"""A camera under a lamp: the gain is up, and with it the noise."""
 
 
 def draw_effects(rng: np.random.Generator) -> CameraEffects:

@@ -53,6 +53,8 @@ class ClusterConfig:
         Range of z where they leave it.
     canopy_leaves, hanging_leaves
         Leaves above the gutter, and leaves that hang among the trusses: (least, most).
+    veils
+        Leaves that hang close before berries, ripe ones first, and hide a part of them: (least, most).
     style
         How trusses grow.
     tilt
@@ -68,11 +70,12 @@ class ClusterConfig:
     lip_height: tuple[float, float] = (0.90, 0.915)
     canopy_leaves: tuple[int, int] = (26, 34)
     hanging_leaves: tuple[int, int] = (2, 4)
+    veils: tuple[int, int] = (0, 0)
     style: TrussStyle = field(default_factory=TrussStyle)
     tilt: float = 0.09
 
     def __post_init__(self) -> None:
-        for name in ("trusses", "berries", "canopy_leaves", "hanging_leaves"):
+        for name in ("trusses", "berries", "canopy_leaves", "hanging_leaves", "veils"):
             low, high = getattr(self, name)
             if not 0 <= low <= high:
                 raise ConfigurationError(f"cluster: {name} must be 0 ≤ least ≤ most, got ({low}, {high})")

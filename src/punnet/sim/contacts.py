@@ -60,6 +60,11 @@ class ContactMonitor:
         return self._recent_tool_peak_on_berry.copy()
 
     @property
+    def recent_tool_peak(self) -> float:
+        """Peak force of the tool on any one berry since :meth:`reset_recent`, newtons."""
+        return float(self._recent_tool_peak_on_berry.max(initial=0.0))
+
+    @property
     def recent_structure_peak(self) -> float:
         """Peak force between the arm and structure since :meth:`reset_recent`, newtons."""
         return self._recent_structure_peak

@@ -108,14 +108,10 @@ def _closest(T_base_berry: NDArray[np.float64], swept: _Swept) -> tuple[float, f
 
 
 def _drop_upper_stub(world: World, berry: int, height: float) -> None:
-    """What is above the cut stays with the plant in truth; it is no longer drawn or touched on the berry."""
     above = [
         world.model.geom(name).id
         for piece, name in enumerate(world.planted[berry].stub)
         if piece * STUB_LENGTH / STUB_PIECES >= height
     ]
-    world.model.geom_contype[above] = 0
-    world.model.geom_conaffinity[above] = 0
-    world.model.geom_rgba[above, 3] = 0.0
-    world.model.geom_matid[above] = -1
+    world.part_stubs(np.array(above, dtype=np.int64))
     mujoco.mj_forward(world.model, world.data)

@@ -11,7 +11,7 @@ import math
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import cv2
 import numpy as np
@@ -30,13 +30,9 @@ from punnet.sim.simulated_folder import (
     write_view,
 )
 from punnet.sim.still_scene import PHOTO_INTRINSICS, build_still_scene
+from punnet.sim.workers import Backend, require_backend, run_jobs
 
-__all__ = ["BACKENDS", "simulate_dataset"]
-
-BACKENDS = ("loky", "ray")
-Backend = Literal["loky", "ray"]
-
-_RAY_BATCH = 16
+__all__ = ["simulate_dataset"]
 
 
 def simulate_dataset(
@@ -85,10 +81,7 @@ def simulate_dataset(
         raise ConfigurationError(
             f"simulate: images and workers must be ≥ 1 and seed ≥ 0, got {images}, {workers}, {seed}"
         )
-    if backend not in BACKENDS:
-        raise ConfigurationError(f"simulate: backend must be one of {', '.join(BACKENDS)}, got {backend!r}")
-    if backend == "ray":
-        _register_ray()
+    require_backend("simulate", backend)
     place = Path(folder).expanduser().absolute()
     description = describe(images, seed, kind)
     open_folder(place, description, force)
@@ -116,27 +109,9 @@ def _run(
     place: Path, seed: int, protocol: str, plants: list[tuple[int, int]], workers: int, backend: Backend
 ) -> Iterator[int]:
     """Make plants (number, views); yields how many images each has given, in the order in which they are done."""
-    import joblib
-
-    tasks = [joblib.delayed(_make_plant)(str(place), seed, protocol, plant, views) for plant, views in plants]
-    if backend == "ray":
-        with joblib.parallel_config(backend="ray", n_jobs=workers):
-            # Ray gives results only when all of a call are there: batches, so that there is progress.
-            for start in range(0, len(tasks), _RAY_BATCH * workers):
-                yield from joblib.Parallel(n_jobs=workers)(tasks[start : start + _RAY_BATCH * workers])
-        return
-    # Workers share the cores: one thread each for NumPy; the renderer and OpenCV are told in the worker itself.
-    with joblib.parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1):
-        yield from joblib.Parallel(n_jobs=workers, return_as="generator_unordered")(tasks)
-
-
-def _register_ray() -> None:
-    """Let joblib work on the Ray cluster that this machine is connected to, or on this machine as a cluster of one."""
-    try:
-        from ray.util.joblib import register_ray  # type: ignore[import-not-found]
-    except ImportError as error:
-        raise ConfigurationError("simulate: --backend ray needs Ray: pip install 'punnet[scale]'") from error
-    register_ray()
+    jobs = [(str(place), seed, protocol, plant, views) for plant, views in plants]
+    # The renderer and OpenCV are told in the worker itself that they have one core.
+    return run_jobs(_make_plant, jobs, workers, backend)
 
 
 _render_context: Any = None  # one OpenGL context a process: to make one costs more than to draw a picture

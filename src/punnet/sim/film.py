@@ -6,6 +6,8 @@ are worth it, however long the harvest took. Third-person view with the wrist ca
 
 from __future__ import annotations
 
+import io
+import zipfile
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -16,7 +18,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from punnet.errors import ConfigurationError
+from punnet.errors import ConfigurationError, FileFormatError
 from punnet.sim.layers import ARM_VISUAL
 from punnet.sim.picker import CAMERA_NAME
 from punnet.sim.rendering import CameraRenderer
@@ -59,6 +61,42 @@ class Recorder:
         self._next = world.data.time + 1.0 / self.rate
         cut = np.flatnonzero(world.model.geom_rgba[:, 3] == 0.0)
         self.states.append(_State(float(world.data.time), world.data.qpos.copy(), cut, self.caption))
+
+    def archive(self, first: int = 0) -> bytes:
+        """The states from number ``first`` on, as a NumPy archive that :meth:`add_archive` takes back."""
+        states = self.states[first:]
+        stream = io.BytesIO()
+        np.savez_compressed(
+            stream,
+            time=np.array([state.time for state in states]),
+            qpos=np.array([state.qpos for state in states]),
+            caption=np.array([state.caption for state in states], dtype=np.str_),
+            cuts=np.array([len(state.cut) for state in states], dtype=np.int64),
+            cut=np.concatenate([np.zeros(0, dtype=np.int64), *(state.cut for state in states)]),
+        )
+        return stream.getvalue()
+
+    def add_archive(self, archive: bytes) -> None:
+        """Append the states of an archive.
+
+        Raises
+        ------
+        FileFormatError
+            If it is damaged.
+        """
+        try:
+            with np.load(io.BytesIO(archive), allow_pickle=False) as loaded:
+                values = {name: loaded[name] for name in ("time", "qpos", "caption", "cuts", "cut")}
+        except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile) as error:
+            raise FileFormatError(f"film: damaged archive of states ({error})") from error
+        ends = np.cumsum(values["cuts"])
+        cuts = [values["cut"][end - count : end] for end, count in zip(ends, values["cuts"], strict=True)]
+        for time, qpos, cut, caption in zip(
+            values["time"], values["qpos"], cuts, values["caption"], strict=True
+        ):
+            self.states.append(_State(float(time), qpos, cut, str(caption)))
+        if self.states:
+            self._next = self.states[-1].time + 1.0 / self.rate
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["add_lights", "add_varied_lights", "set_render_quality"]
+__all__ = ["add_lights", "add_varied_lights", "set_night", "set_render_quality"]
 
 _PLANT_CENTRE = np.array((0.75, -0.02, 0.78))
+_LAMP_DISTANCE = 0.48  # metres at which the lamp gives the light that it is said to give
 
 
 def add_lights(spec: mujoco.MjSpec, rng: np.random.Generator) -> None:
@@ -100,3 +101,37 @@ def add_varied_lights(spec: mujoco.MjSpec, rng: np.random.Generator, target: NDA
     flash = rng.uniform(0.0, 0.14)
     spec.visual.headlight.diffuse = (flash, flash, flash)
     spec.visual.headlight.specular = (0.5 * flash, 0.5 * flash, 0.5 * flash)
+
+
+def set_night(spec: mujoco.MjSpec, rng: np.random.Generator, camera: mujoco.MjsBody) -> None:
+    """Put out the day, and mount a lamp on ``camera``, the body that carries the wrist camera.
+
+    What is left of the day is a faint glow. The lamp is two bars of light above the camera; its light falls with
+    the square of the distance, so that the plant is bright and the rows behind it dark.
+    """
+    for light in spec.lights:
+        light.diffuse = light.specular = (0.0, 0.0, 0.0)
+        light.castshadow = False
+    glow = 0.05 * rng.uniform(0.6, 1.4)
+    spec.visual.headlight.ambient = (glow, glow, 1.15 * glow)
+    spec.visual.headlight.diffuse = spec.visual.headlight.specular = (0.0, 0.0, 0.0)
+    for material in spec.materials:
+        material.emission = 0.0
+    for texture in spec.textures:
+        if texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
+            texture.rgb1, texture.rgb2 = (0.012, 0.013, 0.018), (0.004, 0.004, 0.005)
+    colour = np.array((1.0, 0.97, 0.90)) * rng.uniform(0.75, 1.05)
+    for name, side in (("left", -1.0), ("right", 1.0)):
+        camera.add_light(
+            name=f"lamp_{name}",
+            type=mujoco.mjtLightType.mjLIGHT_SPOT,
+            pos=(0.11, 0.05 * side, 0.03),
+            dir=(-0.12, 0.0, 1.0),
+            diffuse=0.62 * colour,
+            ambient=(0.0, 0.0, 0.0),
+            specular=0.5 * colour,
+            attenuation=(0.0, 0.0, 1.0 / _LAMP_DISTANCE**2),
+            cutoff=60.0,
+            exponent=2.0,
+            castshadow=True,
+        )

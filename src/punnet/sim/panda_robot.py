@@ -13,7 +13,8 @@ from punnet.movement import JointTrajectory
 from punnet.robot import CutResult, GripResult, MotionResult, Panda
 from punnet.robot.tool import T_FLANGE_CAMERA
 from punnet.scene import Frame
-from punnet.sim.arm import SERVO_LAG
+from punnet.sim.arm import JOINT_NAMES, SERVO_LAG
+from punnet.sim.camera_effects import CameraEffects, apply_effects
 from punnet.sim.cutting import CUT_ABOVE_CALYX, StemState, apply_cut, gripped_berries, stem_states
 from punnet.sim.depth_sensor import StereoDepthModel
 from punnet.sim.layers import ARM_VISUAL
@@ -30,6 +31,7 @@ WRIST_CAMERA = CameraIntrinsics(640, 480, 615.0, 615.0, 319.5, 239.5)
 STRUCTURE_FORCE_LIMIT = 40.0
 """Newtons of contact with gutter, table or punnet at which a motion is stopped."""
 
+_OVERSPEED = 1.1  # measured velocity over the limit
 _TRACKING_LIMIT = 0.12  # rad between where the arm is and should be: it is held up
 _FINGER_TIME = 0.45
 _BLADE_TIME = 0.25
@@ -48,18 +50,26 @@ class SimulatedPanda:
     world
         The world to act in.
     rng
-        Draws sensor noise.
+        Draws sensor noise; kept as ``noise``.
     depth_sensor
         The camera's error model; None gives the true depth.
+    camera
+        What the colour camera makes of the light; None gives the picture as it is rendered.
     """
 
     def __init__(
-        self, world: World, rng: np.random.Generator, depth_sensor: StereoDepthModel | None = None
+        self,
+        world: World,
+        rng: np.random.Generator,
+        depth_sensor: StereoDepthModel | None = None,
+        camera: CameraEffects | None = None,
     ) -> None:
         self.world = world
-        self._rng = rng
+        self.noise = rng
         self._depth_sensor = depth_sensor
+        self._camera = camera
         self._arm = Panda()
+        self._arm_dofs = np.array([world.model.joint(name).dofadr[0] for name in JOINT_NAMES])
         self._renderer: CameraRenderer | None = None
         self.observers: list[Observer] = []
 
@@ -90,8 +100,10 @@ class SimulatedPanda:
                 self.world.model, WRIST_CAMERA.width, WRIST_CAMERA.height, hidden_groups=(ARM_VISUAL,)
             )
         rgb, depth = self._renderer.render_rgbd(self.world.data, CAMERA_NAME)
+        if self._camera is not None:
+            rgb = apply_effects(rgb, self._camera, self.noise)
         if self._depth_sensor is not None:
-            depth = self._depth_sensor.apply(depth, rgb, self._rng)
+            depth = self._depth_sensor.apply(depth, rgb, self.noise)
         return Frame(
             rgb, depth, WRIST_CAMERA, self.camera_pose(), timestamp=self.time, name=f"frame-{self.time:08.3f}"
         )
@@ -102,8 +114,8 @@ class SimulatedPanda:
             raise RobotError("segment: look first; the true segmentation is of the frame just taken")
         return self._renderer.render_segmentation(self.world.data, CAMERA_NAME)
 
-    def follow(self, trajectory: JointTrajectory) -> MotionResult:
-        """Execute a joint trajectory; stops where the arm is held up or presses hard on structure."""
+    def follow(self, trajectory: JointTrajectory, force_limit: float | None = None) -> MotionResult:
+        """Execute a joint trajectory; stops where the arm is held up, too fast, or presses too hard."""
         if np.abs(trajectory.start - self.joints()).max() > 0.05:
             raise RobotError(
                 "follow: the trajectory starts more than 0.05 rad from where the arm is; plan from robot.joints()"
@@ -116,7 +128,7 @@ class SimulatedPanda:
         for position, velocity in zip(positions, velocities, strict=True):
             world.data.ctrl[world.arm_ctrl] = position + SERVO_LAG * velocity
             self._step()
-            reason = self._stop_reason(position)
+            reason = self._stop_reason(position, force_limit)
             if reason is not None:
                 world.data.ctrl[world.arm_ctrl] = self.joints()
                 self._run(0.1)
@@ -124,11 +136,19 @@ class SimulatedPanda:
         self._run(0.05)
         return self._motion_result(None)
 
-    def _stop_reason(self, commanded: NDArray[np.float64]) -> str | None:
-        if self.world.contacts.recent_structure_peak > STRUCTURE_FORCE_LIMIT:
-            return f"pressed on structure: with {self.world.contacts.recent_structure_peak:.0f} N"
-        if np.abs(self.joints() - commanded).max() > _TRACKING_LIMIT:
+    def _stop_reason(self, commanded: NDArray[np.float64], force_limit: float | None) -> str | None:
+        """Why the arm must stop at once, by what is measured, not by what is commanded; None if it need not."""
+        contacts = self.world.contacts
+        if contacts.recent_structure_peak > STRUCTURE_FORCE_LIMIT:
+            return f"pressed on structure: with {contacts.recent_structure_peak:.0f} N"
+        if force_limit is not None and contacts.recent_tool_peak > force_limit:
+            return f"pushed a fruit: with {contacts.recent_tool_peak:.1f} N"
+        joints = self.joints()
+        if np.abs(joints - commanded).max() > _TRACKING_LIMIT:
             return "arm held up: it does not follow its trajectory"
+        speed = np.abs(self.world.data.qvel[self._arm_dofs]) / self._arm.limits.velocity
+        if speed.max() > _OVERSPEED:
+            return f"too fast: joint {int(np.argmax(speed)) + 1} at {speed.max():.0%} of its limit"
         return None
 
     def _motion_result(self, reason: str | None) -> MotionResult:
@@ -184,7 +204,7 @@ class SimulatedPanda:
             for berry, centre in zip(self.world.cluster.berries, centres, strict=True)
             if inside_punnet(centre) == punnet
         )
-        return float(grams + self._rng.normal(0.0, _WEIGH_NOISE))
+        return float(grams + self.noise.normal(0.0, _WEIGH_NOISE))
 
     def gripped(self) -> set[int]:
         """Ground truth: berries whose stem both pads hold."""

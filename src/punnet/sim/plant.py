@@ -163,6 +163,8 @@ def add_leaves(
         _add_canopy_leaf(spec, rng, f"canopy{number}", variants[rng.integers(len(variants))][1])
     for number in range(int(rng.integers(config.hanging_leaves[0], config.hanging_leaves[1], endpoint=True))):
         _add_hanging_leaf(spec, rng, f"hanging{number}", variants[rng.integers(len(variants))][1])
+    if config.veils[1] > 0:
+        _add_veils(spec, rng, cluster, [sizes for _, sizes in variants])
     add_blossom(spec, rng, int(rng.integers(2, 6)))
     return [sizes for _, sizes in variants]
 
@@ -201,9 +203,44 @@ def _add_hanging_leaf(
     lip = np.array([0.80, rng.uniform(-0.33, 0.28), rng.uniform(0.905, 0.93)])
     azimuth = np.pi + rng.normal(0.0, 0.7)
     tip = lip + np.array([rng.uniform(-0.05, 0.02), rng.normal(0.0, 0.03), -rng.uniform(0.01, 0.11)])
-    asset, size = sizes[rng.integers(len(sizes))]
-    add_petiole(spec.worldbody, name, lip, tip)
+    leaf = sizes[rng.integers(len(sizes))]
     pose = leaf_pose(azimuth, droop=rng.uniform(0.7, 1.4), roll=rng.normal(0.0, 0.4))
+    _add_yielding_leaf(spec, name, leaf, lip, tip, pose)
+
+
+def _add_veils(
+    spec: mujoco.MjSpec,
+    rng: np.random.Generator,
+    cluster: Cluster,
+    variants: list[list[tuple[MeshAsset, float]]],
+) -> None:
+    """Leaves that hang between berries and the robot, the blade over an upper corner of the fruit."""
+    ripe = [berry for berry in cluster.berries if berry.berry.stage.pluckable]
+    others = [berry for berry in cluster.berries if not berry.berry.stage.pluckable]
+    hidden = [group[i] for group in (ripe, others) for i in rng.permutation(len(group))]
+    count = int(rng.integers(cluster.config.veils[0], cluster.config.veils[1], endpoint=True))
+    for number, berry in enumerate(hidden[:count]):
+        sizes = variants[rng.integers(len(variants))]
+        asset, size = sizes[rng.integers(len(sizes))]
+        aside = rng.choice((-1.0, 1.0)) * rng.uniform(0.012, 0.034)
+        above = size * rng.uniform(0.7, 1.2)
+        tip = berry.centre + np.array([-berry.radius - rng.uniform(0.006, 0.03), aside, above])
+        lip = np.array([0.80, tip[1] + rng.normal(0.0, 0.05), rng.uniform(0.905, 0.93)])
+        pose = leaf_pose(np.pi + rng.normal(0.0, 0.5), droop=rng.uniform(1.1, 1.5), roll=rng.normal(0.0, 0.3))
+        _add_yielding_leaf(spec, f"veil{number}", (asset, size), lip, tip, pose)
+
+
+def _add_yielding_leaf(
+    spec: mujoco.MjSpec,
+    name: str,
+    leaf: tuple[MeshAsset, float],
+    root: NDArray[np.float64],
+    tip: NDArray[np.float64],
+    pose: NDArray[np.float64],
+) -> None:
+    """A leaf (asset, size in metres) on a stalk from ``root`` to ``tip`` that gives way when touched."""
+    asset, size = leaf
+    add_petiole(spec.worldbody, name, root, tip)
     body = spec.worldbody.add_body(name=name, pos=tip, quat=mujoco_quaternion(pose))
     for label, axis in (("pitch", (0.0, 1.0, 0.0)), ("roll", (1.0, 0.0, 0.0))):
         body.add_joint(

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal, get_args
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from punnet.errors import RobotError
+from punnet.errors import ConfigurationError, RobotError
 from punnet.robot.panda import HOME
 from punnet.sim.arm import JOINT_NAMES, load_arm
 from punnet.sim.cluster import Cluster, ClusterConfig, grow_cluster
 from punnet.sim.contacts import ContactMonitor
 from punnet.sim.layers import SCENERY, STRUCTURE
+from punnet.sim.lighting import set_night
 from punnet.sim.orientation import mujoco_quaternion
 from punnet.sim.picker import CAMERA_NAME, GRIP_OPENING, add_picker
 from punnet.sim.plant import PlantedBerry, add_cluster, add_leaves
 from punnet.sim.punnets import add_punnets
 from punnet.sim.scenery import add_scenery
 
-__all__ = ["OVERVIEW_CAMERA", "World", "WorldConfig", "build_world"]
+__all__ = ["OVERVIEW_CAMERA", "Light", "World", "WorldConfig", "build_world"]
+
+Light = Literal["day", "lamp"]
 
 OVERVIEW_CAMERA = "overview"
 TIME_STEP = 0.002
@@ -37,10 +41,22 @@ class WorldConfig:
         The kind of plant.
     arm_visuals
         Whether the arm is drawn; only third-person views need it.
+    light
+        ``day``: the sun through the tunnel's sheet; ``lamp``: night, and a lamp beside the wrist camera.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such light.
     """
 
     cluster: ClusterConfig = field(default_factory=ClusterConfig)
     arm_visuals: bool = True
+    light: Light = "day"
+
+    def __post_init__(self) -> None:
+        if self.light not in get_args(Light):
+            raise ConfigurationError(f"world: light must be one of {get_args(Light)}, got {self.light!r}")
 
 
 class World:
@@ -127,6 +143,17 @@ class World:
         self.model.geom_rgba[geoms, 3] = 0.0
         self.model.geom_matid[geoms] = -1
 
+    def part_stubs(self, geoms: NDArray[np.int64]) -> None:
+        """Take pieces of stem, by id, off their berries: in truth they stay with the plant; nothing sees or touches them."""
+        self.model.geom_contype[geoms] = 0
+        self.model.geom_conaffinity[geoms] = 0
+        self.model.geom_rgba[geoms, 3] = 0.0
+        self.model.geom_matid[geoms] = -1
+
+    def parted_stubs(self) -> NDArray[np.int64]:
+        """Ids of the pieces of stem that :meth:`part_stubs` took off."""
+        return np.asarray(self._stubs[self.model.geom_conaffinity[self._stubs] == 0])
+
     def detach(self, berry: int) -> None:
         """Part a berry from its truss; see ``cutting.py`` for the rule."""
         self.data.eq_active[self._welds[berry]] = 0
@@ -147,6 +174,8 @@ def build_world(seed: int, config: WorldConfig | None = None) -> World:
     add_punnets(spec)
     planted = add_cluster(spec, rng, cluster)
     add_leaves(spec, rng, cluster)
+    if config.light == "lamp":
+        set_night(spec, rng, spec.body("picker"))
     _set_camera(spec)
     return World(spec.compile(), cluster, planted)
 

@@ -1,0 +1,147 @@
+"""The steps that decide: order, plan, check."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from punnet.errors import KinematicsError, PlanningError, ShapeError
+from punnet.harvest.attempts import Attempt, Phase
+from punnet.harvest.failures import Failure, StepFailed
+from punnet.harvest.order import order_of
+from punnet.harvest.seeing import untried_directions
+from punnet.harvest.situation import Parts, Situation, weighed
+from punnet.movement import TrajectoryDistribution
+from punnet.scene import Frame, Strawberries, Target
+
+__all__ = ["Check", "Order", "Plan"]
+
+
+class Order:
+    """Which berry next, and for which punnet."""
+
+    phase = Phase.ORDER
+
+    def __init__(self, parts: Parts) -> None:
+        self._parts = parts
+
+    def do(self, situation: Situation) -> Phase | None:
+        """Choose, and begin an attempt; None when no berry is left that may be tried."""
+        frame, berries = situation.seen
+        rows = self._candidates(situation, frame, berries)
+        if not rows and situation.second_view_of is not None:
+            self._parts.tell("does not find the berry again from there", None)
+            return Phase.LOOK
+        most = self._parts.config.most_attempts
+        if not rows or (most is not None and len(situation.run.attempts) >= most):
+            return None
+        row, punnet = self._choose(rows, berries, len(situation.run.attempts) + 1)
+        low, high = berries.weight_intervals[row]
+        situation.attempt = Attempt(
+            number=len(situation.run.attempts) + 1,
+            frame=frame,
+            berries=berries,
+            row=row,
+            picking_point=berries.picking_points[row],
+            estimate=float(berries.weights[row]),
+            interval=(float(low), float(high)),
+            meant_for=punnet,
+            second_view=situation.second_view_of is not None,
+        )
+        return Phase.PLAN
+
+    def _candidates(self, situation: Situation, frame: Frame, berries: Strawberries) -> list[int]:
+        """Rows in the order to pick them; from a second view only the berry that it was turned to."""
+        rows = [int(row) for row in order_of(self._parts.config.order)(frame, berries)]
+        rows = [row for row in rows if situation.memory.may_try(berries.picking_points[row])]
+        place = situation.second_view_of
+        if place is None:
+            return rows
+        return [row for row in rows if situation.memory.at(berries.picking_points[row]) is place][:1]
+
+    def _choose(self, rows: list[int], berries: Strawberries, number: int) -> tuple[int, int | None]:
+        """The first that fits a punnet, and that punnet.
+
+        A berry that fits none waits on the plant; when there are only such, the one that fits best. No punnet:
+        all are full.
+        """
+        packer = self._parts.packer
+        offers = []
+        for row in rows:
+            best = packer.best(weighed(berries, row, number))
+            if best is None:
+                return row, None
+            punnet, cost = best
+            if cost <= packer.policy.price_aside:
+                return row, punnet
+            offers.append((cost, row, punnet))
+        _, row, punnet = min(offers)
+        return row, punnet
+
+
+class Plan:
+    """A distribution of reaches; on a second try along another direction than before."""
+
+    phase = Phase.PLAN
+
+    def __init__(self, parts: Parts) -> None:
+        self._parts = parts
+
+    def do(self, situation: Situation) -> Phase | None:
+        """Plan for the attempt in hand."""
+        attempt = situation.in_hand
+        if attempt.meant_for is None:
+            raise StepFailed(Failure.PUNNETS_FULL)
+        refusal: StepFailed | None = None
+        for direction in self._directions(situation):
+            try:
+                attempt.distribution = self._plan(attempt, direction)
+            except StepFailed as failure:
+                refusal = refusal or failure
+            else:
+                return Phase.CHECK
+        assert refusal is not None  # there is always a direction, or None
+        raise refusal
+
+    def _directions(self, situation: Situation) -> list[NDArray[np.float64] | None]:
+        """None: as the planner likes."""
+        attempt = situation.in_hand
+        place = situation.memory.at(attempt.picking_point)
+        if not place.other_side:
+            return [None]
+        return [*untried_directions(attempt.frame, attempt.berries, place), None]
+
+    def _plan(self, attempt: Attempt, direction: NDArray[np.float64] | None) -> TrajectoryDistribution:
+        berries, row = attempt.berries, attempt.row
+        try:
+            target = Target(
+                berries.boxes[row], attempt.picking_point, direction, int(berries.ids[row]), among=berries
+            )
+            distribution = self._parts.planner.plan(attempt.frame, target, self._parts.robot.joints())
+            finite = bool(np.isfinite(distribution.mean(np.linspace(0.0, 1.0, 11))).all())
+        except PlanningError as error:
+            raise StepFailed(Failure.from_reason(str(error), Failure.NO_APPROACH), str(error)) from error
+        except Exception as error:  # a stranger's planner may raise anything
+            raise StepFailed(Failure.PLANNER_FAULT, f"{type(error).__name__}: {error}") from error
+        if not finite:
+            raise StepFailed(Failure.PLAN_NOT_FINITE, "its mean has NaN or infinity")
+        return distribution
+
+
+class Check:
+    """The mean reach as it would be executed: timed, within every limit, clear of the arm itself and of structure."""
+
+    phase = Phase.CHECK
+
+    def __init__(self, parts: Parts) -> None:
+        self._parts = parts
+
+    def do(self, situation: Situation) -> Phase | None:
+        """Time the reach, and check it."""
+        attempt = situation.in_hand
+        assert attempt.distribution is not None
+        try:
+            attempt.approach = self._parts.motions.prepare(attempt.distribution)
+        except (KinematicsError, ShapeError) as error:
+            raise StepFailed(Failure.NO_KINEMATICS, str(error)) from error
+        return Phase.REACH

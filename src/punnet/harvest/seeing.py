@@ -1,0 +1,106 @@
+"""The steps that see: look, perceive, weigh."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from punnet.errors import KinematicsError
+from punnet.harvest.attempts import Phase
+from punnet.harvest.failures import Failure, StepFailed
+from punnet.harvest.memory import Place
+from punnet.harvest.situation import Parts, Situation
+from punnet.planning.clearance import approach_directions, obstacles_among
+from punnet.scene import Frame, Strawberries
+
+__all__ = ["Look", "Perceive", "Weigh", "untried_directions"]
+
+
+class Look:
+    """A frame from home, or of one berry from where the tool would come in next."""
+
+    phase = Phase.LOOK
+
+    def __init__(self, parts: Parts) -> None:
+        self._parts = parts
+
+    def do(self, situation: Situation) -> Phase | None:
+        """Take a frame; the arm is home afterwards."""
+        if situation.looks >= self._parts.config.most_looks:
+            self._parts.tell(f"ends after {situation.looks} looks", None)
+            return None
+        situation.looks += 1
+        situation.second_view_of = self._second_view(situation)
+        try:
+            situation.frame = self._parts.eyes.look()
+        finally:
+            if situation.second_view_of is not None:
+                self._parts.motions.require_home()
+        return Phase.PERCEIVE
+
+    def _second_view(self, situation: Situation) -> Place | None:
+        """Move to where a berry that was tried is to be seen from; None if there is none, or no way there."""
+        place = situation.memory.next_second_view()
+        if place is None or situation.frame is None or situation.berries is None:
+            return None
+        directions = untried_directions(situation.frame, situation.berries, place)
+        for direction in directions[:2]:
+            try:
+                if self._parts.motions.look_along(place.point, direction).reached:
+                    self._parts.tell("looks from a second view", None)
+                    return place
+            except KinematicsError:
+                continue
+        return None
+
+
+class Perceive:
+    """The berries of the frame, located in space."""
+
+    phase = Phase.PERCEIVE
+
+    def __init__(self, parts: Parts) -> None:
+        self._parts = parts
+
+    def do(self, situation: Situation) -> Phase | None:
+        """Detect and locate."""
+        assert situation.frame is not None
+        situation.berries = self._parts.eyes.perceive(situation.frame)
+        return Phase.WEIGH
+
+
+class Weigh:
+    """Grams by eye; a berry that can't be weighed is picked all the same."""
+
+    phase = Phase.WEIGH
+
+    def __init__(self, parts: Parts) -> None:
+        self._parts = parts
+
+    def do(self, situation: Situation) -> Phase | None:
+        """Weigh what was found."""
+        frame, berries = situation.seen
+        try:
+            estimates = self._parts.scale.estimate(frame, berries)
+            berries = berries.with_fields(weights=estimates.grams, weight_intervals=estimates.intervals)
+        except Exception as error:  # a stranger's estimator may raise anything
+            raise StepFailed(Failure.SCALE_FAULT, f"{type(error).__name__}: {error}") from error
+        situation.berries = berries
+        run = situation.run
+        if run.first_frame is None:
+            run.first_frame, run.first_berries = frame, berries
+        if situation.second_view_of is None:
+            run.last_berries = berries
+        situation.in_vain = 0
+        self._parts.tell(f"sees {len(berries)} berries, {int(berries.pluckable.sum())} pluckable", None)
+        return Phase.ORDER
+
+
+def untried_directions(frame: Frame, berries: Strawberries, place: Place) -> list[NDArray[np.float64]]:
+    """Directions (3,) to come in along that were not tried at a place, that with most room first."""
+    located = np.isfinite(berries.picking_points).all(axis=1)
+    distance = np.where(located, np.linalg.norm(berries.picking_points - place.point, axis=1), np.inf)
+    row = int(np.argmin(distance)) if len(berries) else -1
+    around = obstacles_among(frame, berries, row)
+    directions, _ = approach_directions(place.point, around)
+    return [direction for direction in directions if not place.was_tried_along(direction)]

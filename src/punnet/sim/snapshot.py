@@ -1,0 +1,81 @@
+"""The whole state of a simulated harvest at one instant, to go on from later as if nothing had happened."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import zipfile
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from punnet.errors import FileFormatError
+from punnet.sim.panda_robot import SimulatedPanda
+
+__all__ = ["restore_snapshot", "take_snapshot"]
+
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION.value
+
+
+def take_snapshot(robot: SimulatedPanda) -> bytes:
+    """A NumPy archive of everything that decides how the world of ``robot`` goes on.
+
+    That is MuJoCo's state with controls and warm start, the stems that were cut, the peaks of force so far, and the
+    generator of the sensors' noise. What :func:`restore_snapshot` makes of it goes on bit for bit as the original does.
+    """
+    world = robot.world
+    state = np.empty(mujoco.mj_stateSize(world.model, _STATE))
+    mujoco.mj_getState(world.model, world.data, state, _STATE)
+    stream = io.BytesIO()
+    np.savez(
+        stream,
+        world=_fingerprint(world.model),
+        state=state,
+        parted_stubs=world.parted_stubs(),
+        peak_on_berry=world.contacts.peak_on_berry,
+        tool_peak_on_berry=world.contacts.tool_peak_on_berry,
+        noise=np.array(json.dumps(robot.noise.bit_generator.state)),
+    )
+    return stream.getvalue()
+
+
+def restore_snapshot(robot: SimulatedPanda, snapshot: bytes) -> None:
+    """Bring the freshly built world of ``robot`` to where :func:`take_snapshot` found it.
+
+    Raises
+    ------
+    FileFormatError
+        If the snapshot is damaged, or of another world: another seed, or another version of Punnet or MuJoCo.
+    """
+    world = robot.world
+    try:
+        with np.load(io.BytesIO(snapshot), allow_pickle=False) as archive:
+            values = {name: archive[name] for name in archive.files}
+        noise = json.loads(str(values["noise"]))
+    except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile) as error:
+        raise FileFormatError(f"snapshot: damaged ({error})") from error
+    if not np.array_equal(values["world"], _fingerprint(world.model)):
+        raise FileFormatError(
+            "snapshot: is of another world; go on with the version of Punnet and MuJoCo that began the run"
+        )
+    world.part_stubs(values["parted_stubs"])
+    _set(world.model, world.data, values["state"])
+    world.contacts.peak_on_berry[:] = values["peak_on_berry"]
+    world.contacts.tool_peak_on_berry[:] = values["tool_peak_on_berry"]
+    robot.noise.bit_generator.state = noise
+
+
+def _set(model: mujoco.MjModel, data: mujoco.MjData, state: NDArray[np.float64]) -> None:
+    mujoco.mj_setState(model, data, state, _STATE)
+    mujoco.mj_forward(model, data)
+    mujoco.mj_setState(model, data, state, _STATE)  # computing the positions of all bodies has touched it
+
+
+def _fingerprint(model: mujoco.MjModel) -> NDArray[np.uint8]:
+    """A digest (32,) of what the world is made of."""
+    digest = hashlib.sha256(mujoco.mj_versionString().encode())
+    for values in (model.body_pos, model.body_mass, model.geom_pos, model.geom_size, model.qpos0):
+        digest.update(np.ascontiguousarray(values).tobytes())
+    return np.frombuffer(digest.digest(), dtype=np.uint8)

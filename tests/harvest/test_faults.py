@@ -1,0 +1,415 @@
+"""Faults put into a running harvest: each ends in a recovery or in a safe stop, with the reason in the journal."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from punnet.errors import KinematicsError, OutputError, PlanningError, RobotError
+from punnet.harvest.attempts import Outcome, Phase
+from punnet.harvest.failures import Failure, Recovery
+from punnet.harvest.loop import Harvester
+from punnet.harvest.scenario import Scenario, Session
+from punnet.robot import HOME, MotionResult
+from punnet.sim.world import WorldConfig
+from tests.harvest.kinematic import KinematicRobot, a_harvester
+
+
+class Listing:
+    """A journal that remembers what it was told."""
+
+    def __init__(self):
+        self.failures = []
+        self.ended = []
+
+    def begin(self, attempt): ...
+
+    def end(self, attempt):
+        self.ended.append(attempt.number)
+
+    def failed(self, phase, failure, reason, recovery):
+        self.failures.append((phase, failure, recovery))
+
+
+@pytest.fixture(scope="module")
+def two_berries():
+    """One look at a simulated plant, and two ripe berries in it."""
+    with Session(Scenario(6, "oracle", WorldConfig(arm_visuals=False))) as session:
+        frame = session.robot.look()
+        berries = session.harvester._parts.eyes._detector.detect(frame)
+        points = berries.picking_points[berries.pluckable]
+        rows = np.flatnonzero(berries.pluckable)[np.argsort(points[:, 1])[[0, -1]]]
+        return frame, berries[rows]
+
+
+@dataclass
+class Running:
+    """A harvest about to begin."""
+
+    robot: KinematicRobot
+    harvester: Harvester
+
+    def run(self):
+        return self.harvester.run()
+
+
+@pytest.fixture
+def session(two_berries):
+    robot = KinematicRobot(*two_berries)
+    harvester = a_harvester(robot)
+    harvester.journal = Listing()
+    return Running(robot, harvester)
+
+
+def exchanged(session, **parts):
+    """Other parts than the harvester was built with."""
+    harvester = session.harvester
+    harvester._parts = replace(harvester._parts, **parts)
+    for phase, step in harvester._steps.items():
+        harvester._steps[phase] = type(step)(harvester._parts)
+
+
+def failing(part, method, number, fault):
+    """From call ``number`` on, counted from 1, ``fault`` says what the method does: an error to raise, or a function."""
+    original = getattr(part, method)
+    calls = []
+
+    def call(*arguments, **options):
+        calls.append(1)
+        if number(len(calls)):
+            if isinstance(fault, BaseException):
+                raise fault
+            return fault(original, *arguments, **options)
+        return original(*arguments, **options)
+
+    setattr(part, method, call)
+
+
+def once(count):
+    """The third look, from home; the second is on the way to the first berry."""
+    return count == 3
+
+
+def on_the_way(count):
+    return count == 2
+
+
+def always(count):
+    return count >= 2
+
+
+def is_safely_home(session):
+    return np.abs(session.robot.joints() - HOME).max() < 1e-3 and session.robot.held is None
+
+
+class Camera:
+    """Faults of frames, all of the last good one."""
+
+    def __init__(self):
+        self.good = None
+
+    def late(self, look):
+        frame = look()
+        return replace(frame, timestamp=frame.timestamp - 2.0)
+
+    def frozen(self, look):
+        look()
+        return self.good
+
+    def torn(self, look):
+        frame = look()
+        rgb, depth = frame.rgb.copy(), frame.depth.copy()
+        rgb[240:], depth[240:] = self.good.rgb[240:], self.good.depth[240:]
+        return replace(frame, rgb=rgb, depth=depth)
+
+    def without_depth(self, look):
+        frame = look()
+        return replace(frame, depth=np.zeros_like(frame.depth))
+
+
+CAMERA_FAULTS = [
+    ("missing", Failure.NO_FRAME),
+    ("late", Failure.LATE_FRAME),
+    ("frozen", Failure.FROZEN_FRAME),
+    ("torn", Failure.TORN_FRAME),
+    ("without_depth", Failure.NO_DEPTH),
+]
+
+
+def with_camera_fault(session, kind, when):
+    camera, look, calls = Camera(), session.robot.look, []
+    fault = None if kind == "missing" else getattr(camera, kind)
+
+    def faulty():
+        calls.append(1)
+        if not when(len(calls)):
+            camera.good = look()
+            return camera.good
+        if fault is None:
+            raise TimeoutError("no frame within 5 s")
+        return fault(look)
+
+    session.robot.look = faulty
+
+
+@pytest.mark.parametrize(("kind", "failure"), CAMERA_FAULTS)
+def test_one_bad_frame_is_looked_over(session, kind, failure):
+    with_camera_fault(session, kind, once)
+    run = session.run()
+    assert session.harvester.journal.failures == [(Phase.LOOK, failure, Recovery.LOOK_AGAIN)]
+    assert len(run.picked) == 2
+    assert run.stopped is None
+
+
+@pytest.mark.parametrize(("kind", "failure"), CAMERA_FAULTS)
+def test_a_bad_frame_on_the_way_is_done_without(session, kind, failure):
+    told = []
+    exchanged(session, tell=lambda line, attempt: told.append(line))
+    with_camera_fault(session, kind, on_the_way)
+    run = session.run()
+    assert any(f"goes on without a look on the way: {failure.text}" in line for line in told)
+    assert len(run.picked) == 2
+    assert session.harvester.journal.failures == []
+
+
+def moved(robot, by):
+    """Before the second look, on the way, the berry that hangs nearest to the tool moves ``by`` metres to the left."""
+
+    def look(original):
+        points = robot.berries.picking_points.copy()
+        nearest = np.argmin(np.linalg.norm(points - robot.tool(), axis=1))
+        points[nearest, 1] += by
+        robot.berries = robot.berries.with_fields(picking_points=points)
+        return original()
+
+    return look
+
+
+def test_a_berry_that_moved_is_found_where_it_is_by_now(session):
+    failing(session.robot, "look", on_the_way, moved(session.robot, 0.018))
+    run = session.run()
+    assert len(run.picked) == len(run.attempts) == 2  # the pads reach 12 mm
+    assert run.attempts[0].shift == pytest.approx([0.0, 0.018, 0.0])
+    assert not run.attempts[1].shift.any()
+
+
+def test_what_two_looks_differ_by_noise_moves_nothing(session):
+    failing(session.robot, "look", on_the_way, moved(session.robot, 0.004))
+    assert not session.run().attempts[0].shift.any()
+
+
+def test_without_the_look_on_the_way_a_berry_that_moved_is_missed_at_first(session):
+    harvester = session.harvester
+    exchanged(session, config=replace(harvester.config, look_on_the_way=0.0))
+    harvester._parts.motions._config = harvester._parts.config
+    failing(session.robot, "follow", lambda count: count == 1, shaken(session.robot))
+    run = session.run()
+    assert run.attempts[0].failure is Failure.NOT_GRIPPED
+    assert len(run.picked) == 2
+
+
+def shaken(robot):
+    def follow(original, trajectory, force_limit=None):
+        robot.berries = robot.berries.with_fields(
+            picking_points=robot.berries.picking_points + np.array([0.0, 0.018, 0.0])
+        )
+        return original(trajectory, force_limit)
+
+    return follow
+
+
+@pytest.mark.parametrize(("kind", "failure"), CAMERA_FAULTS)
+def test_a_camera_that_stays_bad_stops_the_harvest(session, kind, failure):
+    with_camera_fault(session, kind, always)
+    run = session.run()
+    recoveries = [recovery for _, _, recovery in session.harvester.journal.failures]
+    assert recoveries == [Recovery.LOOK_AGAIN, Recovery.LOOK_AGAIN, Recovery.STOP]
+    assert failure.text in run.stopped
+    assert len(run.picked) == 1
+    assert run.home
+    assert is_safely_home(session)
+
+
+@pytest.mark.parametrize("failure", [Failure.DETECTOR_FAULT, Failure.SCALE_FAULT])
+def test_a_detector_or_a_scale_that_raises(session, failure):
+    parts, error = session.harvester._parts, RuntimeError("out of memory")
+    if failure is Failure.DETECTOR_FAULT:
+        failing(parts.eyes._detector, "detect", once, error)
+    else:
+        failing(parts.scale, "estimate", lambda count: count == 2, error)
+    run = session.run()
+    ((_, named, recovery),) = session.harvester.journal.failures
+    assert (named, recovery) == (failure, Recovery.LOOK_AGAIN)
+    assert len(run.picked) == 2
+
+
+def test_a_detector_that_keeps_raising_stops_the_harvest(session):
+    failing(
+        session.harvester._parts.eyes._detector,
+        "detect",
+        lambda count: True,
+        RuntimeError("weights are gone"),
+    )
+    run = session.run()
+    assert "the detector failed: RuntimeError: weights are gone" in run.stopped
+    assert is_safely_home(session)
+
+
+class NaNPlan:
+    """A distribution whose mean is not finite."""
+
+    def mean(self, phases):
+        return np.full((len(phases), 7), np.nan)
+
+
+@pytest.mark.parametrize(
+    ("fault", "failure"),
+    [
+        (lambda plan, *arguments: NaNPlan(), Failure.PLAN_NOT_FINITE),
+        (PlanningError("out of reach: no posture of the arm"), Failure.OUT_OF_REACH),
+        (PlanningError("no straight approach: berry 1"), Failure.NO_APPROACH),
+        (KinematicsError("no inverse kinematics"), Failure.PLANNER_FAULT),
+        (ZeroDivisionError("division by zero"), Failure.PLANNER_FAULT),
+    ],
+    ids=["nan", "reach", "approach", "kinematics", "anything"],
+)
+def test_a_planner_that_fails_costs_that_berry_at_most(session, fault, failure):
+    failing(session.harvester._parts.planner, "plan", lambda count: count == 1, fault)
+    run = session.run()
+    assert session.harvester.journal.failures[0][:2] == (Phase.PLAN, failure)
+    assert run.attempts[0].outcome is Outcome.SKIPPED
+    assert len(run.picked) == (1 if failure.recovery is Recovery.SET_ASIDE else 2)
+    assert run.stopped is None
+
+
+def test_a_plan_beyond_the_joint_limits_is_not_begun(session):
+    plan = session.harvester._parts.planner.plan
+
+    class Shifted:
+        def __init__(self, distribution):
+            self._distribution = distribution
+
+        def mean(self, phases):
+            mean = self._distribution.mean(phases).copy()
+            mean[:, 3] += np.linspace(0.0, 3.0, len(mean))
+            return mean
+
+    session.harvester._parts.planner.plan = lambda *arguments: Shifted(plan(*arguments))
+    session.harvester.journal.end = lambda attempt: None
+    run = session.run()
+    assert run.attempts
+    assert {attempt.failure for attempt in run.attempts} == {Failure.NO_KINEMATICS}
+    assert {attempt.phase for attempt in run.attempts} == {Phase.CHECK}
+    assert len(session.robot.hanging) == 2
+
+
+def test_no_inverse_kinematics_over_the_punnet(session):
+    failing(
+        session.harvester._parts.motions, "carry", lambda count: count == 1, KinematicsError("no solution")
+    )
+    run = session.run()
+    assert session.harvester.journal.failures[0][:2] == (Phase.PLACE, Failure.NO_KINEMATICS)
+    assert "no solution" in run.attempts[0].reason
+    assert len(run.picked) == 1
+    assert run.stopped is None
+    assert is_safely_home(session)
+
+
+def stalled(follow, trajectory, force_limit=None):
+    return MotionResult(False, "arm held up: it does not follow its trajectory")
+
+
+def test_an_arm_that_stalls_once_is_backed_out(session):
+    # The first motion of the pick; the way home works again.
+    failing(session.robot, "follow", lambda count: count == 1, stalled)
+    run = session.run()
+    assert session.harvester.journal.failures[0] == (Phase.REACH, Failure.HELD_UP, Recovery.OTHER_SIDE)
+    assert len(run.picked) == 2
+    assert is_safely_home(session)
+
+
+def test_an_arm_that_stalls_for_good_is_left_where_it_is(session):
+    failing(session.robot, "follow", always, stalled)
+    run = session.run()
+    assert run.stopped.startswith("the arm does not get home: arm held up")
+    assert not run.home
+    assert session.harvester.journal.failures == [
+        (Phase.REACH, Failure.HELD_UP, Recovery.OTHER_SIDE),
+        (Phase.REACH, Failure.NOT_HOME, Recovery.STOP),
+    ]
+
+
+def test_a_robot_whose_driver_fails_stops_the_harvest(session):
+    failing(session.robot, "grip", lambda count: count == 1, RobotError("gripper: no answer"))
+    run = session.run()
+    assert run.stopped == "the robot failed: gripper: no answer"
+    assert run.attempts[0].failure is Failure.ROBOT_FAULT
+    assert is_safely_home(session)
+
+
+def punnet_gone(number, after):
+    """Punnet ``number`` is taken away, with what is in it, once ``after`` weighings were made."""
+
+    def weigh(original, punnet):
+        return -35.0 if punnet == number else original(punnet)
+
+    return lambda count: count >= after, weigh
+
+
+def test_a_punnet_that_is_gone_is_noticed_before_the_berry_is_dropped(session):
+    failing(session.robot, "weigh_punnet", *punnet_gone(0, 1))
+    run = session.run()
+    assert [attempt.punnet for attempt in run.picked] == [1, 1]
+    assert run.punnet_weights[0] == 0.0
+    assert run.stopped is None
+
+
+def test_a_punnet_taken_with_the_berry_in_it(session):
+    failing(session.robot, "weigh_punnet", *punnet_gone(0, 2))
+    run = session.run()
+    assert session.harvester.journal.failures[0][:2] == (Phase.VERIFY, Failure.PUNNET_MISSING)
+    assert run.attempts[0].outcome is Outcome.FAILED
+    assert [attempt.punnet for attempt in run.picked] == [1]
+
+
+def test_without_any_punnet_nothing_more_is_picked(session):
+    failing(session.robot, "weigh_punnet", lambda count: True, lambda original, punnet: -35.0)
+    run = session.run()
+    assert run.picked == []
+    assert run.attempts[0].failure is Failure.PUNNET_MISSING
+    assert {attempt.failure for attempt in run.attempts[1:]} == {Failure.PUNNETS_FULL}
+    assert is_safely_home(session)
+
+
+def test_a_weigh_cell_that_reads_nonsense_stops_the_harvest(session):
+    failing(session.robot, "weigh_punnet", lambda count: count >= 2, lambda original, punnet: float("nan"))
+    run = session.run()
+    assert "the weigh cell reads nonsense: punnet 1 reads nan g" in run.stopped
+    assert is_safely_home(session)
+
+
+def test_without_weigh_cells_the_drop_is_believed(session):
+    failing(session.robot, "weigh_punnet", lambda count: True, lambda original, punnet: None)
+    run = session.run()
+    assert len(run.picked) == 2
+    assert np.isnan([attempt.weighed for attempt in run.picked]).all()
+    assert run.punnet_weights[0] == pytest.approx(sum(a.estimate for a in run.picked), rel=0.2)
+
+
+def test_a_log_that_is_full_stops_the_harvest(session):
+    failing(session.harvester.journal, "end", lambda count: True, OutputError("log: No space left on device"))
+    run = session.run()
+    assert run.stopped == "log: No space left on device"
+    assert len(run.attempts) == 1
+    assert is_safely_home(session)
+
+
+def test_a_log_that_can_not_be_begun_moves_nothing(session):
+    failing(
+        session.harvester.journal, "begin", lambda count: True, OutputError("log: No space left on device")
+    )
+    followed = []
+    failing(session.robot, "follow", lambda count: True, lambda follow, *a: followed.append(1) or follow(*a))
+    run = session.run()
+    assert "No space left" in run.stopped
+    assert followed == []

@@ -1,0 +1,62 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize
+
+from punnet.errors import ShapeError
+from punnet.planning.capsules import Capsules, segment_distances
+
+POINT = st.tuples(*[st.floats(-0.25, 0.25, width=32)] * 3)
+
+
+def slow_distance(p1, q1, p2, q2):
+    """By minimising over both segments; the square of a distance between points on two lines is convex."""
+    p1, q1, p2, q2 = (np.asarray(v, dtype=np.float64) for v in (p1, q1, p2, q2))
+
+    def apart(shares):
+        return 1e4 * np.square(p1 + shares[0] * (q1 - p1) - p2 - shares[1] * (q2 - p2)).sum()
+
+    found = [
+        minimize(apart, x, bounds=((0, 1), (0, 1)), tol=1e-12).fun
+        for x in ((0.1, 0.9), (0.5, 0.5), (0.9, 0.1))
+    ]
+    return np.sqrt(min(found) / 1e4)
+
+
+@settings(deadline=None, max_examples=60)
+@given(POINT, POINT, POINT, POINT)
+def test_distance_is_the_least_one(p1, q1, p2, q2):
+    ours = segment_distances([p1], [q1], [p2], [q2])[0, 0]
+    assert ours == pytest.approx(slow_distance(p1, q1, p2, q2), abs=4e-4)
+
+
+@settings(deadline=None, max_examples=40)
+@given(POINT, POINT, POINT, POINT)
+def test_it_does_not_matter_which_segment_is_named_first(p1, q1, p2, q2):
+    one = segment_distances([p1], [q1], [p2], [q2])[0, 0]
+    assert segment_distances([p2], [q2], [p1], [q1])[0, 0] == pytest.approx(one, abs=4e-4)
+    assert segment_distances([q1], [p1], [p2], [q2])[0, 0] == pytest.approx(one, abs=4e-4)
+
+
+def test_known_distances():
+    line = ([[0.0, 0.0, 0.0]], [[0.0, 0.0, 0.1]])
+    others = np.array([[0.03, 0.0, 0.05], [0.0, 0.04, 0.2], [0.0, 0.0, 0.05]])
+    distances = segment_distances(*line, others, others)  # points
+    np.testing.assert_allclose(distances[0], [0.03, np.hypot(0.04, 0.1), 0.0], atol=2e-4)
+    beside = segment_distances(*line, [[0.02, 0.0, 0.0]], [[0.02, 0.0, 0.3]])  # parallel
+    assert beside[0, 0] == pytest.approx(0.02, abs=2e-4)
+    assert segment_distances(*line, np.zeros((0, 3)), np.zeros((0, 3))).shape == (1, 0)
+
+
+def test_points_lie_on_the_segment_ends_included():
+    capsule = Capsules([[0.0, 0.0, 0.0]], [[0.0, 0.0, 0.1]], [0.01])
+    np.testing.assert_allclose(capsule.points(3)[0, :, 2], [0.0, 0.05, 0.1])
+    assert len(capsule) == 1
+
+
+def test_shapes_are_named():
+    with pytest.raises(ShapeError, match=r"\(N, 3\)"):
+        Capsules(np.zeros((2, 3)), np.zeros((1, 3)), np.zeros(2))
+    with pytest.raises(ShapeError, match="finite"):
+        Capsules([[0.0, 0.0, np.nan]], [[0.0, 0.0, 0.0]], [0.01])
