@@ -249,7 +249,7 @@ def test_the_average_of_a_short_run_leaves_its_start_behind() -> None:
         torch.nn.init.ones_(weight.weight)
         for _ in range(steps):
             average.update_parameters(weight)
-        return float(average.module.weight)
+        return float(average.module.weight.detach())
 
     # After 300 steps a decay of .998 alone would leave .998³⁰⁰ = 55% of the start.
     assert average_after(300, 0.998) > 0.99
