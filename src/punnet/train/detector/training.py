@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import json
-import logging
 import math
 import signal
-import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -32,6 +29,7 @@ from punnet.train.detector.config import DetectorConfig, DetectorTraining, Sourc
 from punnet.train.detector.module import VALIDATED, DetectorModule
 from punnet.train.detector.samples import Draws, OpenSource, Samples, collate, open_sources
 from punnet.train.detector.starting import describe_start, load_weights
+from punnet.train.loops import quiet_lightning
 
 __all__ = [
     "CHECKPOINTS",
@@ -127,7 +125,7 @@ def train_detector(
         load_weights(module, run.start)
     if not claimed:
         write_text(run.folder / CONFIG_FILE, json.dumps(settings, indent=1) + "\n")
-    with _quiet():
+    with quiet_lightning():
         trainer = _trainer(training, run, validated, tell)
         draws = Draws(training, trainer.global_rank, trainer.world_size)
         if last.exists():
@@ -158,23 +156,6 @@ def last_scores(folder: Path) -> dict[str, float]:
 
 def _say_nothing(line: str) -> None:
     """Where nobody listens."""
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Lightning without its advice on cloud services, loaders and sanity."""
-    loggers = [logging.getLogger(name) for name in ("lightning.pytorch", "lightning.fabric")]
-    levels = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.setLevel(logging.ERROR)
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", module="lightning")
-            warnings.filterwarnings("ignore", module="torch")
-            yield
-    finally:
-        for logger, level in zip(loggers, levels, strict=True):
-            logger.setLevel(level)
 
 
 def _settings(config: DetectorConfig, training: DetectorTraining, run: TrainingRun) -> dict[str, Any]:
