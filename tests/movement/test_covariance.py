@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from punnet.errors import ConfigurationError
@@ -43,20 +43,26 @@ def changed(what: str, before: TrajectoryDistribution, rng: np.random.Generator)
     return combine([before, other.broadened(0.1)]) if what == "combine" else in_basis(before, before.basis)
 
 
-# Not the lab's basis, which is for reading its data only: seed 4, five degrees, exact, noisy, exact, noisy, noisy, exact
-# leaves an eigenvalue of -1.3e-9 of the largest there.
-@settings(deadline=None, max_examples=60, derandomize=True)
+@settings(deadline=None, max_examples=60)
 @given(
     st.integers(0, 100_000),
     st.integers(1, 5),
-    st.sampled_from([GaussianBasis(), GaussianBasis.spaced(3)]),
+    st.sampled_from([GaussianBasis(), GaussianBasis.recorded(), GaussianBasis.spaced(3)]),
     st.lists(st.sampled_from(OPERATIONS), min_size=1, max_size=6),
 )
+@example(4, 5, GaussianBasis.recorded(), ["exact", "noisy", "exact", "noisy", "noisy", "exact"])
+@example(4, 5, GaussianBasis.recorded(), ["exact", "exact", "exact", "blend", "noisy", "exact"])
 def test_semi_definite_at_its_own_scale_after_any_chain_of_operations(seed, dimensions, basis, chain) -> None:
     rng = np.random.default_rng(seed)
     distribution = drawn(rng, basis, dimensions)
     for what in chain:
-        distribution = changed(what, distribution, rng)
+        try:
+            distribution = changed(what, distribution, rng)
+        except ConfigurationError as refusal:
+            # Where some directions vary a million times less than others, a covariance in double precision can't tell
+            # that the value lies within it; condition says so, as documented, and nothing is changed.
+            assert what == "exact"
+            assert "exact values are missed" in str(refusal)
         eigenvalues = np.linalg.eigvalsh(distribution.weight_covariance)
         assert eigenvalues[0] >= -1e-9 * eigenvalues[-1]
         np.testing.assert_array_equal(distribution.weight_covariance, distribution.weight_covariance.T)

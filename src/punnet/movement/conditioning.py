@@ -22,6 +22,7 @@ GOOD_PIVOT = 1e-4  # of the scaled innovation; below it the form is taken that r
 UNMET_TOLERANCE = 1e-6
 MUCH_LESS = 0.1  # of the largest variance: from there on rounding of the prior is looked for in what is left
 ROUNDING_LEFT = 1e-11
+SAFE_VARIANCE = 1e-6  # of what a row could have; below it rounding of the prior grows in what is left
 
 
 def condition_gaussian(
@@ -105,8 +106,8 @@ def _condition_quickly(
 ) -> tuple[Array, Array] | None:
     """Condition by a Cholesky factor, from A Σ (M, N), A Σ Aᵀ (M, M), the residual (M,) and the noise.
 
-    ``squares`` is the sum of squares of A. None if the rows are nearly dependent, or have no variance but what
-    rounding left of an earlier exact via-point.
+    ``squares`` is the sum of squares of A. None if the rows are nearly dependent, or one has so little variance that
+    rounding would show in what is left.
     """
     if noise.ndim == 1:
         innovation.flat[:: len(cross) + 1] += noise
@@ -118,8 +119,8 @@ def _condition_quickly(
         return None
     # The factor's diagonal over the variances is that of the factor of rows scaled to unit variance.
     pivot = np.minimum.reduce(factor.diagonal() ** 2 / variances)
-    rounding = RELATIVE_RANK * squares * np.maximum.reduce(covariance.diagonal())
-    if pivot <= GOOD_PIVOT or np.minimum.reduce(variances) <= rounding:
+    little = SAFE_VARIANCE * squares * np.maximum.reduce(covariance.diagonal())
+    if pivot <= GOOD_PIVOT or np.minimum.reduce(variances) <= little:
         return None
     # With pivots like these the inverse is as good as solving, and quicker for so few rows.
     inverse, _ = dtrtri(factor, lower=1, overwrite_c=1)
@@ -165,9 +166,12 @@ def _gain(covariance: Array, observation: Array, noise: Array) -> Array:
 
 
 def _rounding(covariance: Array, observation: Array) -> Array:
-    """Variance (M,) of each row below which it is rounding left by an earlier exact via-point."""
-    largest = max(float(covariance.diagonal().max()), 0.0)
-    return np.asarray(RELATIVE_RANK * largest * np.einsum("ij,ij->i", observation, observation))
+    """Variance (M,) of each row below which it is rounding left by an earlier exact via-point.
+
+    A row is held against the weights that it sees: another degree of freedom may vary a million times more.
+    """
+    spread = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
+    return np.asarray(RELATIVE_RANK * np.square(np.abs(observation) @ spread))
 
 
 def _polish(posterior: Array, gain: Array, observation: Array, values: Array) -> Array:
