@@ -61,8 +61,8 @@ def test_semi_definite_at_its_own_scale_after_any_chain_of_operations(seed, dime
         except ConfigurationError as refusal:
             # Where some directions vary a million times less than others, a covariance in double precision can't tell
             # that the value lies within it; condition says so, as documented, and nothing is changed.
-            assert what == "exact"
-            assert "exact values are missed" in str(refusal)
+            if what != "exact" or "exact values are missed" not in str(refusal):
+                raise
         eigenvalues = np.linalg.eigvalsh(distribution.weight_covariance)
         assert eigenvalues[0] >= -1e-9 * eigenvalues[-1]
         np.testing.assert_array_equal(distribution.weight_covariance, distribution.weight_covariance.T)
