@@ -36,8 +36,8 @@ class PlannerConfig:
         α of Eq. 5.13 and 5.17.
     reconstruction
         Of tr-1: ``mse`` (Eq. 5.12, 5.15), or ``bce``, summed over a picture as in the lab's code.
-    learning_rate
-        Adam's.
+    learning_rate, tuning_rate
+        Adam's; the tuning's own, since a high one throws the encoder off what the MLPs know.
     reconstruction_epochs, epochs, tuning_epochs
         Of tr-1, tr-2 and the tuning.
     batch, mlp_batch
@@ -53,6 +53,7 @@ class PlannerConfig:
     alpha: float = 1.0
     reconstruction: Reconstruction = "mse"
     learning_rate: float = 1e-4
+    tuning_rate: float = 1e-4
     reconstruction_epochs: int = 250
     epochs: int = 3000
     tuning_epochs: int = 250
@@ -81,6 +82,12 @@ class PlannerConfig:
             least = 0 if item.name in ("alpha", "reconstruction_epochs", "tuning_epochs") else math.ulp(0.0)
             if not least <= value < math.inf:
                 raise ConfigurationError(f"planner: {item.name} must be positive, got {value}")
+
+    @property
+    def name(self) -> str:
+        """Kind and space, ``l-`` before it if tuned, as the thesis calls it."""
+        tuned = "l-" if self.tuned and self.kind != "direct" else ""
+        return f"{tuned}{self.kind}-{self.space}"
 
     @property
     def conditioned(self) -> bool:

@@ -48,10 +48,8 @@ class DeepPrediction:
 
     @property
     def name(self) -> str:
-        """Kind and space, ``l-`` before it if tuned, as the thesis calls it."""
-        config = self.network.config
-        tuned = "l-" if config.tuned and config.kind != "direct" else ""
-        return f"{tuned}{config.kind}-{config.space}"
+        """As :attr:`PlannerConfig.name`."""
+        return self.network.config.name
 
     @property
     def space(self) -> Space:

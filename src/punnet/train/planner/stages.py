@@ -60,6 +60,11 @@ class Stage(lightning.LightningModule):
         """What other stages train is as it is."""
         checkpoint["state_dict"] = {**self.state_dict(), **checkpoint["state_dict"]}
 
+    @property
+    def rate(self) -> float:
+        """Adam's."""
+        return self.settings.learning_rate
+
     def loss(self, batch: tuple[Tensor, ...]) -> Tensor:
         """Of a batch."""
         raise NotImplementedError
@@ -77,7 +82,7 @@ class Stage(lightning.LightningModule):
     def configure_optimizers(self) -> Any:
         """Adam, its rate lowered by a plateau schedule."""
         settings = self.settings
-        optimizer = torch.optim.Adam(self.trained(), lr=settings.learning_rate, foreach=True)
+        optimizer = torch.optim.Adam(self.trained(), lr=self.rate, foreach=True)
         schedule = torch.optim.lr_scheduler.ReduceLROnPlateau(
             optimizer, factor=settings.schedule_factor, patience=settings.schedule_patience
         )
@@ -144,6 +149,11 @@ class TuningStage(Stage):
     def parts(self) -> list[str]:
         """The encoder."""
         return ["encoder"]
+
+    @property
+    def rate(self) -> float:
+        """The tuning's own."""
+        return self.settings.tuning_rate
 
     def on_train_epoch_start(self) -> None:
         """Keep the statistics."""
