@@ -16,6 +16,7 @@ import typer
 
 from punnet.cli.console import print_json, say, whisper
 from punnet.cli.options import Force, Json
+from punnet.cli.train_planner import register_planner
 from punnet.cli.train_weight import register_weight
 from punnet.errors import ConfigurationError, FileFormatError
 
@@ -50,6 +51,7 @@ def register(app: typer.Typer) -> None:
         "bundle", epilog="Example: punnet train bundle runs/mine --out models/mine --licence CC-BY-4.0"
     )(bundle)
     register_weight(group)
+    register_planner(group)
     app.add_typer(group, name="train")
 
 
@@ -134,11 +136,17 @@ def bundle(
     """Export a run's model as a bundle: ONNX and JSON, checksums, how it was made."""
     need_pytorch()
     from punnet.train.detector.bundling import Terms, bundle_run
+    from punnet.train.planner.training import bundle_planner_run, is_planner_run
     from punnet.train.weight.bundling import bundle_weight_run
     from punnet.train.weight.training import is_weight_run
 
-    weighs = is_weight_run(run)
-    manifest = (bundle_weight_run if weighs else bundle_run)(
+    if is_weight_run(run):
+        write, use = bundle_weight_run, f"punnet weigh --estimator {out}"
+    elif is_planner_run(run):
+        write, use = bundle_planner_run, f"punnet plan --planner {out} --rgb PHOTO --target x0,y0,x1,y1"
+    else:
+        write, use = bundle_run, f"punnet detect PHOTO --detector {out}"
+    manifest = write(
         run,
         out,
         name=name or out.name,
@@ -148,7 +156,6 @@ def bundle(
         force=force,
     )
     size = sum(file.stat().st_size for file in out.iterdir()) / 1e6
-    use = f"punnet weigh --estimator {out}" if weighs else f"punnet detect PHOTO --detector {out}"
     say(f"wrote {out} ({manifest.name}, {size:.1f} MB); use it with: {use}")
 
 

@@ -17,7 +17,7 @@ from punnet.errors import ConfigurationError, FileFormatError
 if TYPE_CHECKING:
     from punnet.weight.samples import WeightSamples
 
-__all__ = ["collect", "need_training", "register_weight"]
+__all__ = ["collect", "need_training", "read_settings", "register_weight"]
 
 
 def register_weight(group: typer.Typer) -> None:
@@ -70,7 +70,7 @@ def weight(
     from punnet.train.weight.training import read_config, train_weight_model
 
     spec = model_spec(model)
-    changes = (dict(spec.quick) if quick else {}) | ({} if config is None else _read_settings(config))
+    changes = (dict(spec.quick) if quick else {}) | ({} if config is None else read_settings(config))
     settings = read_config(spec, changes)
     samples = collect(data)
     run = train_weight_model(
@@ -130,7 +130,8 @@ def need_training() -> None:
         )
 
 
-def _read_settings(path: Path) -> dict[str, Any]:
+def read_settings(path: Path) -> dict[str, Any]:
+    """A JSON object of settings from a file."""
     try:
         settings = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:

@@ -18,7 +18,16 @@ from punnet.train.detector.network import BerryDetector
 if TYPE_CHECKING:
     import onnx
 
-__all__ = ["INPUTS", "OUTPUTS", "OnnxGraph", "export_onnx", "halve", "rounded", "weights_of_onnx"]
+__all__ = [
+    "INPUTS",
+    "OUTPUTS",
+    "OnnxGraph",
+    "export_onnx",
+    "halve",
+    "is_halved",
+    "rounded",
+    "weights_of_onnx",
+]
 
 OPSET = 17
 TRACED = (128, 160)  # any size does: none is kept
@@ -106,12 +115,12 @@ def rounded(network: BerryDetector) -> BerryDetector:
     """A copy for evaluation whose weights are those that half precision can hold."""
     copied = copy.deepcopy(network).float().to(memory_format=torch.contiguous_format).eval()
     for parameter in copied.parameters():
-        if _is_halved(parameter.shape):
+        if is_halved(parameter.shape):
             parameter.data = parameter.data.half().float()
     return copied
 
 
-def _is_halved(shape: Sequence[int]) -> bool:
+def is_halved(shape: Sequence[int]) -> bool:
     """Whether an array of this shape is kept in half precision: weights are, biases and statistics are not."""
     return len(shape) >= 2 and math.prod(shape) >= LEAST_HALVED
 
@@ -123,7 +132,7 @@ def halve(model: onnx.ModelProto) -> None:
     graph = model.graph
     casts, stored = [], []
     for tensor in graph.initializer:
-        if tensor.data_type != TensorProto.FLOAT or not _is_halved(tensor.dims):
+        if tensor.data_type != TensorProto.FLOAT or not is_halved(tensor.dims):
             stored.append(tensor)
             continue
         name = f"{tensor.name}{HALF}"

@@ -1,0 +1,110 @@
+"""A trained planner to ONNX: what :class:`punnet.planning.learned.MovementModel` runs."""
+
+from __future__ import annotations
+
+import copy
+import warnings
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from punnet.planning.reaches import DEGREES, SIDE
+from punnet.train.detector.export import halve, is_halved
+from punnet.train.planner.deep import DeepPrediction
+from punnet.train.planner.full import FullPrediction
+from punnet.train.planner.network import DeepProMP
+
+__all__ = ["export_planner"]
+
+OPSET = 17
+
+
+class _DeepGraph(nn.Module):
+    """Picture and box to mean (N, 7, B) and block-diagonal factor (N, 7·B, 7·B)."""
+
+    def __init__(self, network: DeepProMP) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, picture: Tensor, box: Tensor) -> tuple[Tensor, Tensor]:
+        centres = (box[:, :2] + box[:, 2:]) / 2.0
+        mean, factor = self.network(picture, centres)
+        whole = torch.einsum("ndbc,de->ndbec", factor, torch.eye(DEGREES))
+        size = DEGREES * self.network.heads.functions
+        return mean, whole.reshape(-1, size, size)
+
+
+class _FullGraph(nn.Module):
+    """Box to mean (N, 7, B) and factor (N, 7·B, R): :meth:`FullPrediction.predict` in double precision."""
+
+    def __init__(self, fitted: FullPrediction) -> None:
+        super().__init__()
+        self.functions = fitted.functions
+        regression = fitted.regression
+        for name, values in (
+            ("centre", regression.centre),
+            ("scale", regression.scale),
+            ("coefficients", regression.coefficients @ fitted.gain.T),
+            ("middle", fitted.middle + fitted.gain @ regression.intercept),
+            ("precision", regression.precision),
+            ("rest", fitted.rest),
+            ("doubt", fitted.doubt),
+        ):
+            self.register_buffer(name, torch.from_numpy(np.ascontiguousarray(values)))
+        self.rows = regression.rows
+
+    def forward(self, box: Tensor) -> tuple[Tensor, Tensor]:
+        values = box.double()
+        u = (values[:, 0] + values[:, 2]) / 2.0 - 0.5
+        v = (values[:, 1] + values[:, 3]) / 2.0 - 0.5
+        features = (torch.stack((u, v, u * u, u * v, v * v), dim=1) - self.centre) / self.scale
+        mean = self.middle + features @ self.coefficients
+        leverage = ((features @ self.precision) * features).sum(dim=1) + 1.0 / self.rows
+        doubt = self.doubt.unsqueeze(0) * torch.sqrt(1.0 + leverage)[:, None, None]
+        rest = self.rest.unsqueeze(0) + 0.0 * leverage[:, None, None]
+        return mean.reshape(-1, DEGREES, self.functions), torch.cat((rest, doubt), dim=2)
+
+
+def export_planner(prediction: DeepPrediction | FullPrediction, path: Path) -> None:
+    """Write the graph; a network's weights in half precision, which is cast when the file is loaded.
+
+    Parameters
+    ----------
+    prediction
+        Trained; left as it is.
+    path
+        Where to; its folder exists.
+    """
+    import onnx
+
+    deep = isinstance(prediction, DeepPrediction)
+    box = torch.tensor([[0.4, 0.4, 0.6, 0.6], [0.1, 0.2, 0.3, 0.4]])
+    if isinstance(prediction, DeepPrediction):
+        network = copy.deepcopy(prediction.network).eval()
+        for parameter in network.parameters():
+            if is_halved(parameter.shape):
+                parameter.data = parameter.data.half().float()
+        graph: nn.Module = _DeepGraph(network)
+        example: tuple[Tensor, ...] = (torch.zeros((2, SIDE, SIDE, 3), dtype=torch.uint8), box)
+        names = ["picture", "box"]
+    else:
+        graph, example, names = _FullGraph(prediction), (box,), ["box"]
+    with warnings.catch_warnings(), torch.no_grad():
+        warnings.simplefilter("ignore")  # of the tracer's, which can't know that the batch stays open
+        torch.onnx.export(
+            graph.eval(),
+            example,
+            str(path),
+            input_names=names,
+            output_names=["mean", "factor"],
+            dynamic_axes={name: {0: "photographs"} for name in (*names, "mean", "factor")},
+            opset_version=OPSET,
+            do_constant_folding=False,
+            dynamo=False,
+        )
+    model = onnx.load(str(path))
+    if deep:
+        halve(model)
+    onnx.save(model, str(path))

@@ -1,0 +1,55 @@
+"""Folders of training runs: each belongs to one set of settings, and a stopped run goes on in its own."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from punnet.errors import FileFormatError, OutputExistsError
+from punnet.outputs import write_text
+
+__all__ = ["as_json", "claim_run", "read_object"]
+
+
+def claim_run(folder: Path, file: str, settings: Mapping[str, Any]) -> None:
+    """Make the folder the run of these settings, or find that it is; parents are made.
+
+    Raises
+    ------
+    OutputExistsError
+        If it holds something else, or a run with other settings.
+    """
+    if folder.is_dir() and any(folder.iterdir()):
+        if not (folder / file).is_file():
+            raise OutputExistsError(f"{folder}: exists and holds no run of this kind; give another folder")
+        found = read_object(folder / file)
+        if other := [name for name in settings if settings[name] != found.get(name)]:
+            raise OutputExistsError(
+                f"{folder}: holds a run with other {', '.join(other)}; give another folder, or the same settings"
+            )
+        return
+    write_text(folder / file, as_json(settings))
+
+
+def read_object(path: Path) -> dict[str, Any]:
+    """A JSON object from a file.
+
+    Raises
+    ------
+    FileFormatError
+        If it can't be read or is no object.
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise FileFormatError(f"{path}: not readable as JSON ({error})") from error
+    if not isinstance(data, dict):
+        raise FileFormatError(f"{path}: a JSON object is needed")
+    return data
+
+
+def as_json(data: Any) -> str:
+    """Text of a JSON file; NaN is refused."""
+    return json.dumps(data, indent=1, allow_nan=False) + "\n"
