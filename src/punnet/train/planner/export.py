@@ -39,6 +39,14 @@ class _DeepGraph(nn.Module):
 class _FullGraph(nn.Module):
     """Box to mean (N, 7, B) and factor (N, 7·B, R): :meth:`FullPrediction.predict` in double precision."""
 
+    centre: Tensor
+    scale: Tensor
+    coefficients: Tensor
+    middle: Tensor
+    precision: Tensor
+    rest: Tensor
+    doubt: Tensor
+
     def __init__(self, fitted: FullPrediction) -> None:
         super().__init__()
         self.functions = fitted.functions
