@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -15,9 +16,19 @@ __all__ = [
     "Json",
     "Oracle",
     "OutFolder",
+    "PlannerBundle",
     "RgbFile",
     "Seed",
+    "SpaceName",
 ]
+
+
+class SpaceName(StrEnum):
+    """What movements are of: seven joints, or the flange's pose."""
+
+    JOINT = "joint"
+    TASK = "task"
+
 
 OutFolder = Annotated[
     Path,
@@ -54,6 +65,15 @@ CameraFile = Annotated[
     typer.Option(
         "--camera",
         help="JSON with width height fx fy cx cy; depth_scale and T_base_camera if known.",
+        show_default=False,
+    ),
+]
+PlannerBundle = Annotated[
+    str | None,
+    typer.Option(
+        "--planner-bundle",
+        help="What the planner learnt: a bundle's name or folder (NAME:MODEL for another of its models), or a training "
+        "run. Without it what comes with punnet.",
         show_default=False,
     ),
 ]

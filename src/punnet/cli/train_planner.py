@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from punnet.cli.console import note, print_json, say, whisper
-from punnet.cli.options import Json, Seed
+from punnet.cli.options import Json, Seed, SpaceName
 from punnet.cli.train_weight import need_training, read_settings
 from punnet.errors import FileFormatError
 
@@ -19,16 +18,9 @@ if TYPE_CHECKING:
 
     from punnet.data.demos import DemonstrationSet
 
-__all__ = ["SpaceName", "read_all_demos", "register_planner"]
+__all__ = ["read_all_demos", "register_planner"]
 
 PICTURES = (".png", ".jpg", ".jpeg")
-
-
-class SpaceName(StrEnum):
-    """What movements are of."""
-
-    JOINT = "joint"
-    TASK = "task"
 
 
 def register_planner(group: typer.Typer) -> None:
