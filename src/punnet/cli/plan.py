@@ -69,7 +69,10 @@ def plan(
     start: Annotated[
         str | None,
         typer.Option(
-            "--start", help="Seven joint angles q1,...,q7 in radians the arm is at; without it home."
+            "--start",
+            help="Seven joint angles q1,...,q7 in radians the arm is at; without it home, or where the demonstrations start "
+            "that a learned planner had.",
+            show_default=False,
         ),
     ] = None,
     out: Annotated[
@@ -91,6 +94,7 @@ def plan(
     file has no T_base_camera, the camera is taken to sit on the flange at --start.
     """
     from punnet.outputs import OutputFolder
+    from punnet.planning import DeepProMPPlanner
     from punnet.planning.export import write_plan
     from punnet.planning.targeting import as_seen_from
     from punnet.robot import HOME, Panda
@@ -98,10 +102,11 @@ def plan(
 
     if (depth is None) != (camera is None):
         raise ConfigurationError("--depth and --camera belong together: give both or neither")
-    joints = HOME if start is None else _numbers(start, 7, "--start")
     box = None if target is None else _numbers(target, 4, "--target")
     arm = Panda()
     chosen = _planner(planner, planner_bundle, has_depth=depth is not None, arm=arm)
+    usual = chosen.home if isinstance(chosen, DeepProMPPlanner) else HOME
+    joints = usual if start is None else _numbers(start, 7, "--start")
     frame = Frame.from_files(rgb, depth=depth, camera=camera)
     if depth is not None:
         frame = as_seen_from(frame, joints, arm)

@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 DEFAULT_BUNDLE = "reach-sim"
 SAME_PLACE, SAME_DIRECTION = 0.02, np.deg2rad(3.0)
 """Metres and radians within which a camera stands where the photographs that were learnt from were taken."""
+LIMIT_MARGIN = 0.01  # radians: demonstrations by hand may begin beyond a limit
 BERRY_RADIUS, BELOW_GRIP = 0.015, 0.03
 """Metres: of a usual berry, and from the grip point on its stem down to its middle."""
 
@@ -88,6 +89,13 @@ class DeepProMPPlanner:
     def space(self) -> Space:
         """Of :meth:`distribution`: joint or task."""
         return self.model.space
+
+    @property
+    def home(self) -> Array:
+        """(7,) joints that its demonstrations start from on average, radians, within the arm's limits."""
+        limits = self.arm.limits
+        start = self.demonstrated.mean([0.0])[0]
+        return np.asarray(np.clip(start, limits.lower + LIMIT_MARGIN, limits.upper - LIMIT_MARGIN))
 
     def distribution(self, frame: Frame, target: Target) -> TrajectoryDistribution:
         """What the model tells of the target: in its own space, from the demonstrations' start.

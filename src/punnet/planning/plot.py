@@ -31,7 +31,7 @@ def plot_distribution(
     Parameters
     ----------
     distribution
-        What to draw; joint angles are shown in radians, task space in its own units.
+        What to draw; angles are shown in radians, positions in metres.
     path
         Image file; the suffix (``.png``, ``.svg``, ``.pdf``) chooses the format.
     title
@@ -102,10 +102,8 @@ def _draw_degree(
     missing = MINIMUM_SPAN[distribution.space] - (high - low)
     if missing > 0:
         axes.set_ylim(low - missing / 2, high + missing / 2)
-    unit = "rad" if distribution.space == "joint" else ""
-    axes.set_title(
-        f"{distribution.names[degree]} {f'({unit})' if unit else ''}".strip(), fontsize=9, loc="left"
-    )
+    unit = "m" if distribution.space == "task" and degree < 3 else "rad"
+    axes.set_title(f"{distribution.names[degree]} ({unit})", fontsize=9, loc="left")
     axes.set_xlim(0.0, 1.0)
     axes.tick_params(labelsize=8)
     axes.grid(alpha=0.25, lw=0.6)
