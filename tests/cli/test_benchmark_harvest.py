@@ -52,6 +52,7 @@ def test_a_suite_is_harvested_and_kept(punnet, tmp_path, one_plant):
     figures = json.loads(punnet(*command, "--json").out)
     assert (figures["suite"], figures["suite_version"], figures["seed"]) == ("night", 1, 0)
     assert figures["success"]["hits"] == 1
+    assert (figures["planner"], figures["planner_bundle"]) == ("promp-depth", None)
     assert figures["missed"] == {"grip: nothing between the pads": 1}
     punnet(*command, "--choice", "mean").fails_with("begun with choice 'clearest'", "--force")
 
@@ -74,6 +75,10 @@ def test_runs_side_by_side(punnet, tmp_path, one_plant):
 def test_bad_input_is_named(punnet, tmp_path, taken):
     punnet("benchmark", "harvest", "--suite", "hard").fails_with("no suite 'hard'", "easy")
     punnet("benchmark", "harvest", "--choice", "best").fails_with("no choice 'best'", "mean")
+    punnet("benchmark", "harvest", "--planner", "rrt").fails_with("no planner 'rrt'", "deep-promp")
+    nowhere = ("--planner", "fused", "--planner-bundle", "nowhere")
+    punnet("benchmark", "harvest", *nowhere).fails_with("nowhere")
+    punnet("harvest", *nowhere, "--out", tmp_path / "harvest").fails_with("nowhere")
     punnet("benchmark", "harvest", "--backend", "threads").fails_with("backend", "loky")
     punnet("benchmark", "harvest", "--out", taken).fails_with("is no harvest benchmark")
     punnet("benchmark", "compare", tmp_path).fails_with("figures.json")

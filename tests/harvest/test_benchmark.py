@@ -18,7 +18,12 @@ def test_plants_of_two_benchmarks_differ():
 
 @pytest.mark.parametrize(
     ("settings", "named"),
-    [({"suite": "hard"}, "hard"), ({"choice": "best"}, "best"), ({"seed": -1}, "seed")],
+    [
+        ({"suite": "hard"}, "hard"),
+        ({"choice": "best"}, "best"),
+        ({"planner": "rrt"}, "rrt.*fused"),
+        ({"seed": -1}, "seed"),
+    ],
 )
 def test_settings_are_checked(settings, named):
     with pytest.raises(ConfigurationError, match=named):
@@ -35,6 +40,11 @@ def test_counts_and_back_end_are_checked():
 def test_a_detector_that_cannot_be_had_ends_it_at_once():
     with pytest.raises(BundleError, match="eyes-closed"):
         run_benchmark(BenchmarkSettings(perception="eyes-closed"), 2)
+
+
+def test_a_planner_that_cannot_be_had_ends_it_at_once():
+    with pytest.raises(BundleError, match="reach-nowhere"):
+        run_benchmark(BenchmarkSettings(planner="fused", planner_bundle="reach-nowhere"), 2)
 
 
 def test_workers_make_no_difference_and_a_run_goes_on_where_it_was(tmp_path):

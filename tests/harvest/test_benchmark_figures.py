@@ -12,8 +12,8 @@ from punnet.harvest.benchmark_figures import (
     missed_berries,
     wilson_interval,
 )
-from punnet.harvest.benchmark_folder import BenchmarkFolder, read_figures
-from punnet.harvest.benchmark_picture import draw_outcomes
+from punnet.harvest.benchmark_folder import SCHEMA, BenchmarkFolder, read_figures
+from punnet.harvest.benchmark_picture import draw_outcomes, row_name
 from punnet.harvest.benchmark_plants import AttemptResult, PlantResult
 from punnet.harvest.benchmark_watch import Collision
 from punnet.harvest.judge import Fate
@@ -161,11 +161,14 @@ def test_a_plant_survives_json():
 
 
 SETTINGS = {
+    "schema": SCHEMA,
     "suite": "easy",
     "suite_version": 1,
     "perception": "colour",
     "choice": "mean",
     "order": "cheapest",
+    "planner": "promp-depth",
+    "planner_bundle": None,
     "seed": 1,
 }
 
@@ -184,6 +187,12 @@ def test_the_picture_shows_every_run():
     assert draw_outcomes([{**figures(), **figures_of([])}]).startswith(b"\x89PNG")
 
 
+def test_a_row_is_named_by_what_was_measured():
+    assert row_name(figures()) == "colour + promp-depth + mean, cheapest"
+    learned = figures(planner="fused", planner_bundle="reach-2", choice="collision-aware")
+    assert row_name(learned) == "colour + fused (reach-2) + collision-aware, cheapest"
+
+
 def test_a_folder_keeps_plants_and_is_not_overwritten(tmp_path):
     folder = BenchmarkFolder(tmp_path / "run", SETTINGS)
     folder.open(force=False)
@@ -199,6 +208,9 @@ def test_a_folder_keeps_plants_and_is_not_overwritten(tmp_path):
         read_figures(other.folder)
     other.complete(figures(choice="clearest"))
     assert read_figures(other.folder)["choice"] == "clearest"
+    other.complete(figures(schema="punnet-harvest-benchmark/1"))
+    with pytest.raises(FileFormatError, match=r"benchmark/1.*measure again"):
+        read_figures(other.folder)
 
 
 def test_other_folders_are_left_alone(tmp_path):

@@ -9,7 +9,7 @@ import typer
 
 from punnet.cli.console import note, print_json, print_table, progress_bar, say
 from punnet.cli.eyes import perception_in_simulation
-from punnet.cli.options import DetectorName, Json, Oracle, Seed
+from punnet.cli.options import DetectorName, Json, Oracle, PlannerBundle, PlannerName, Seed
 
 __all__ = ["compare", "harvest"]
 
@@ -29,6 +29,8 @@ def harvest(
     ] = "loky",
     detector: DetectorName = None,
     oracle: Oracle = False,
+    planner: PlannerName = None,
+    planner_bundle: PlannerBundle = None,
     choice: Annotated[
         str | None,
         typer.Option(
@@ -65,10 +67,18 @@ def harvest(
     from punnet.harvest.benchmark import BenchmarkResult, BenchmarkSettings, run_benchmark
     from punnet.harvest.benchmark_plants import PlantResult
     from punnet.harvest.order import DEFAULT_ORDER
-    from punnet.planning.choice import DEFAULT_CHOICE
+    from punnet.planning.choice import DEFAULT_CHOICE, DEFAULT_PLANNER
 
     perception = perception_in_simulation(detector, oracle=oracle)
-    settings = BenchmarkSettings(suite, seed, perception, choice or DEFAULT_CHOICE, order or DEFAULT_ORDER)
+    settings = BenchmarkSettings(
+        suite,
+        seed,
+        perception,
+        choice or DEFAULT_CHOICE,
+        order or DEFAULT_ORDER,
+        planner or DEFAULT_PLANNER,
+        planner_bundle,
+    )
     done: list[PlantResult] = []
     with progress_bar("harvesting", clusters) as advance:
 
@@ -175,6 +185,8 @@ def _spread(spread: dict[str, Any], unit: str) -> str:
 
 
 def _print(figures: dict[str, Any]) -> None:
+    from punnet.harvest.benchmark_picture import row_name
+
     weight, packing = figures["weight"], figures["packing"]
     rows = [
         ("picked, of reachable ripe berries", _share(figures["success"])),
@@ -194,7 +206,7 @@ def _print(figures: dict[str, Any]) -> None:
     ]
     title = (
         f"suite {figures['suite']}/{figures['suite_version']}: {figures['clusters']} plants, seed {figures['seed']}, "
-        f"eyes: {figures['perception']}, choice: {figures['choice']}, order: {figures['order']}"
+        f"{row_name(figures)}"
     )
     print_table(title, ("", ""), rows)
     for heading, name in (

@@ -10,7 +10,16 @@ import typer
 from punnet.cli.console import note, print_json, say, whisper
 from punnet.cli.eyes import perception_in_simulation
 from punnet.cli.harvest_progress import harvest_progress
-from punnet.cli.options import DetectorName, Force, Json, Oracle, OutFolder, Seed
+from punnet.cli.options import (
+    DetectorName,
+    Force,
+    Json,
+    Oracle,
+    OutFolder,
+    PlannerBundle,
+    PlannerName,
+    Seed,
+)
 from punnet.errors import ConfigurationError
 
 __all__ = ["register"]
@@ -53,6 +62,8 @@ def harvest(
             "--suite", help="Kind of plant: easy, thesis, clustered, occluded or night.", show_default=False
         ),
     ] = None,
+    planner: PlannerName = None,
+    planner_bundle: PlannerBundle = None,
     choice: Annotated[
         str | None,
         typer.Option(
@@ -87,14 +98,20 @@ def harvest(
     if resume:
         from punnet.harvest.folder import options_of
 
-        if seed is not None or detector or oracle or suite or choice or pick or force:
+        given = (detector, oracle, suite, planner, planner_bundle, choice, pick, force)
+        if seed is not None or any(given):
             raise ConfigurationError("--resume takes all options from the log; leave the others out")
         options = options_of(out)
     else:
         options = {"seed": seed or 0, "perception": perception_in_simulation(detector, oracle=oracle)}
-        options |= {"suite": suite} if suite else {}
-        options |= {"choice": choice} if choice else {}
-        options |= {"pick": pick} if pick else {}
+        others = {
+            "suite": suite,
+            "planner": planner,
+            "planner_bundle": planner_bundle,
+            "choice": choice,
+            "pick": pick,
+        }
+        options |= {name: value for name, value in others.items() if value}
     report = _harvest(options, out, force=force, resume=resume)
     if as_json:
         print_json({"out": str(out), **report.to_json()})

@@ -17,6 +17,7 @@ __all__ = [
     "Oracle",
     "OutFolder",
     "PlannerBundle",
+    "PlannerName",
     "RgbFile",
     "Seed",
     "SpaceName",
@@ -49,6 +50,12 @@ DetectorName = Annotated[
         "--detector",
         help="A model's name (see punnet models) or folder, or: colour. Without it the one that suits the pictures.",
         show_default=False,
+    ),
+]
+PlannerName = Annotated[
+    str | None,
+    typer.Option(
+        "--planner", help="What plans the reaches: promp-depth, deep-promp or fused.", show_default=False
     ),
 ]
 RgbFile = Annotated[Path, typer.Option("--rgb", help="Photograph, PNG or JPEG.", show_default=False)]

@@ -15,7 +15,7 @@ import numpy as np
 from punnet.errors import ConfigurationError, PunnetError
 from punnet.harvest.attempts import Attempt
 from punnet.harvest.benchmark_figures import figures_of
-from punnet.harvest.benchmark_folder import BenchmarkFolder
+from punnet.harvest.benchmark_folder import SCHEMA, BenchmarkFolder
 from punnet.harvest.benchmark_plants import AttemptResult, PlantResult
 from punnet.harvest.benchmark_watch import Watch
 from punnet.harvest.config import HarvestConfig
@@ -24,13 +24,11 @@ from punnet.harvest.scenario import ORACLE, Scenario, Session
 from punnet.harvest.suites import suite_of
 from punnet.perception import load_detector
 from punnet.perception.choosing import SIMULATION_DETECTOR
-from punnet.planning.choice import CHOICES, DEFAULT_CHOICE
+from punnet.planning.choice import CHOICES, DEFAULT_CHOICE, DEFAULT_PLANNER, PLANNERS, planner_by_name
 from punnet.sim.workers import require_backend, run_jobs
 from punnet.sim.world import WorldConfig
 
 __all__ = ["BenchmarkResult", "BenchmarkSettings", "plant_seed", "run_benchmark", "run_plant"]
-
-SCHEMA = "punnet-harvest-benchmark/1"
 
 
 @dataclass(frozen=True)
@@ -49,11 +47,13 @@ class BenchmarkSettings:
         How a reach is chosen; see :mod:`punnet.planning.choice`.
     order
         Which berry comes next; see :mod:`punnet.harvest.order`.
+    planner, planner_bundle
+        What plans; see :func:`punnet.planning.choice.planner_by_name`.
 
     Raises
     ------
     ConfigurationError
-        If there is no such suite or choice, or the seed is negative.
+        If there is no such suite, choice, order or planner, or the seed is negative.
     """
 
     suite: str = "easy"
@@ -61,12 +61,18 @@ class BenchmarkSettings:
     perception: str = SIMULATION_DETECTOR
     choice: str = DEFAULT_CHOICE
     order: str = DEFAULT_ORDER
+    planner: str = DEFAULT_PLANNER
+    planner_bundle: str | None = None
 
     def __post_init__(self) -> None:
         suite_of(self.suite)
         order_of(self.order)
         if self.choice not in CHOICES:
             raise ConfigurationError(f"benchmark: no choice '{self.choice}'; there are {', '.join(CHOICES)}")
+        if self.planner not in PLANNERS:
+            raise ConfigurationError(
+                f"benchmark: no planner '{self.planner}'; there are {', '.join(PLANNERS)}"
+            )
         if self.seed < 0:
             raise ConfigurationError(f"benchmark: seed must be ≥ 0, got {self.seed}")
 
@@ -80,6 +86,8 @@ class BenchmarkSettings:
             "perception": self.perception,
             "choice": self.choice,
             "order": self.order,
+            "planner": self.planner,
+            "planner_bundle": self.planner_bundle,
         }
 
 
@@ -129,7 +137,7 @@ def run_benchmark(
     Raises
     ------
     BundleError
-        If the detector can't be had.
+        If the detector or the planner can't be had.
     ConfigurationError
         If a number is out of range, or Ray is asked for and not installed.
     OutputExistsError
@@ -140,6 +148,7 @@ def run_benchmark(
     require_backend("benchmark", backend)
     if settings.perception != ORACLE:
         load_detector(settings.perception)  # else every single plant would say that it can't be had
+    planner_by_name(settings.planner, settings.planner_bundle)
     place = None if folder is None else BenchmarkFolder(folder, settings.to_json())
     done: dict[int, PlantResult] = {}
     if place is not None:
@@ -175,6 +184,8 @@ def run_plant(settings: BenchmarkSettings, number: int) -> PlantResult:
             HarvestConfig(order=settings.order),
             suite=settings.suite,
             choice=settings.choice,
+            planner=settings.planner,
+            planner_bundle=settings.planner_bundle,
         )
         with Session(scenario, watch.listen) as session:
             return _harvested(PlantResult(number, seed), session, watch)

@@ -12,8 +12,9 @@ from punnet.harvest.benchmark_picture import draw_outcomes
 from punnet.harvest.benchmark_plants import PlantResult
 from punnet.outputs import MARKER_FILE, write_bytes, write_text
 
-__all__ = ["FIGURES", "PICTURE", "BenchmarkFolder", "read_figures"]
+__all__ = ["FIGURES", "PICTURE", "SCHEMA", "BenchmarkFolder", "read_figures"]
 
+SCHEMA = "punnet-harvest-benchmark/2"
 FIGURES = "figures.json"
 PICTURE = "missed.png"
 _SETTINGS, _PLANTS = "benchmark.json", "plants"
@@ -100,7 +101,7 @@ def read_figures(folder: str | Path) -> dict[str, Any]:
     Raises
     ------
     FileFormatError
-        If there are none, or they are damaged.
+        If there are none, they are damaged, or of another version.
     """
     path = Path(folder) / FIGURES
     if not path.is_file():
@@ -108,6 +109,10 @@ def read_figures(folder: str | Path) -> dict[str, Any]:
     found = _read(path)
     if "suite" not in found or "success" not in found:
         raise FileFormatError(f"{path}: no figures of a harvest benchmark")
+    if found.get("schema") != SCHEMA:
+        raise FileFormatError(
+            f"{path}: schema {found.get('schema')!r} is unknown here, this version reads '{SCHEMA}'; measure again"
+        )
     return found
 
 

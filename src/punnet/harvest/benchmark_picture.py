@@ -18,8 +18,9 @@ _BAR_HEIGHT = 0.42  # inches
 
 
 def row_name(figures: Mapping[str, Any]) -> str:
-    """What was measured, in one line: eyes, choice and order."""
-    return f"{figures['perception']} + {figures['choice']}, {figures['order']}"
+    """What was measured, in one line: eyes, planner, choice and order."""
+    bundle = "" if figures["planner_bundle"] is None else f" ({figures['planner_bundle']})"
+    return f"{figures['perception']} + {figures['planner']}{bundle} + {figures['choice']}, {figures['order']}"
 
 
 def draw_outcomes(runs: Sequence[Mapping[str, Any]]) -> bytes:

@@ -17,8 +17,7 @@ from punnet.harvest.suites import suite_of
 from punnet.harvest.timing import TimedRobot
 from punnet.perception import load_detector
 from punnet.perception.choosing import SIMULATION_DETECTOR
-from punnet.planning import ProMPDepthPlanner
-from punnet.planning.choice import DEFAULT_CHOICE, with_choice
+from punnet.planning.choice import DEFAULT_CHOICE, DEFAULT_PLANNER, planner_by_name, with_choice
 from punnet.robot import MotionGuard, Robot
 from punnet.sim.camera_effects import NIGHT_CAMERA
 from punnet.sim.depth_sensor import StereoDepthModel
@@ -55,6 +54,8 @@ class Scenario:
         what ``world`` says of them.
     choice
         How a reach is chosen; see :mod:`punnet.planning.choice`.
+    planner, planner_bundle
+        What plans, as :func:`punnet.planning.choice.planner_by_name` takes it.
     """
 
     seed: int
@@ -63,6 +64,8 @@ class Scenario:
     harvest: HarvestConfig = field(default_factory=HarvestConfig)
     suite: str | None = None
     choice: str = DEFAULT_CHOICE
+    planner: str = DEFAULT_PLANNER
+    planner_bundle: str | None = None
 
     def __post_init__(self) -> None:
         if self.seed < 0:
@@ -85,10 +88,13 @@ class Session:
         self._listener = listener
         self.truth_of: dict[int, float] = {}
         """True grams of what each attempt brought off the plant, by its number."""
-        # First of all: a detector that can't be had is found out before a plant is grown.
+        # First of all: a detector or planner that can't be had is found out before a plant is grown.
         detector = None if scenario.perception == ORACLE else load_detector(scenario.perception)
         scale = OracleScale() if detector is None else load_weight_estimator()
         self.scale_name = scale.name
+        base = planner_by_name(scenario.planner, scenario.planner_bundle)
+        planner = with_choice(base, scenario.choice)
+        self.planner_name = planner.name
         world_seed, config = scenario.plant()
         self.world = build_world(world_seed, config)
         self.reachable = reachable_berries(self.world)
@@ -101,7 +107,7 @@ class Session:
             cast(Robot, self.timed),
             OracleDetector(self.robot) if detector is None else detector,
             scale,
-            with_choice(ProMPDepthPlanner.from_bundle(), scenario.choice),
+            planner,
             PUNNET_PLACES,
             scenario.harvest,
             self._listen,
