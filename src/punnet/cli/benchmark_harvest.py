@@ -67,7 +67,8 @@ def harvest(
     from punnet.harvest.benchmark import BenchmarkResult, BenchmarkSettings, run_benchmark
     from punnet.harvest.benchmark_plants import PlantResult
     from punnet.harvest.order import DEFAULT_ORDER
-    from punnet.planning.choice import DEFAULT_CHOICE, DEFAULT_PLANNER
+    from punnet.planning.choice import DEFAULT_CHOICE
+    from punnet.planning.named import DEFAULT_PLANNER
 
     perception = perception_in_simulation(detector, oracle=oracle)
     settings = BenchmarkSettings(

@@ -24,7 +24,8 @@ from punnet.harvest.scenario import ORACLE, Scenario, Session
 from punnet.harvest.suites import suite_of
 from punnet.perception import load_detector
 from punnet.perception.choosing import SIMULATION_DETECTOR
-from punnet.planning.choice import CHOICES, DEFAULT_CHOICE, DEFAULT_PLANNER, PLANNERS, planner_by_name
+from punnet.planning.choice import CHOICES, DEFAULT_CHOICE
+from punnet.planning.named import DEFAULT_PLANNER, PLANNERS, planner_named
 from punnet.sim.workers import require_backend, run_jobs
 from punnet.sim.world import WorldConfig
 
@@ -48,7 +49,7 @@ class BenchmarkSettings:
     order
         Which berry comes next; see :mod:`punnet.harvest.order`.
     planner, planner_bundle
-        What plans; see :func:`punnet.planning.choice.planner_by_name`.
+        What plans; see :func:`punnet.planning.planner_named`.
 
     Raises
     ------
@@ -148,7 +149,7 @@ def run_benchmark(
     require_backend("benchmark", backend)
     if settings.perception != ORACLE:
         load_detector(settings.perception)  # else every single plant would say that it can't be had
-    planner_by_name(settings.planner, settings.planner_bundle)
+    planner_named(settings.planner, bundle=settings.planner_bundle)
     place = None if folder is None else BenchmarkFolder(folder, settings.to_json())
     done: dict[int, PlantResult] = {}
     if place is not None:

@@ -17,7 +17,8 @@ from punnet.harvest.suites import suite_of
 from punnet.harvest.timing import TimedRobot
 from punnet.perception import load_detector
 from punnet.perception.choosing import SIMULATION_DETECTOR
-from punnet.planning.choice import DEFAULT_CHOICE, DEFAULT_PLANNER, planner_by_name, with_choice
+from punnet.planning.choice import DEFAULT_CHOICE, with_choice
+from punnet.planning.named import DEFAULT_PLANNER, planner_named
 from punnet.robot import MotionGuard, Robot
 from punnet.sim.camera_effects import NIGHT_CAMERA
 from punnet.sim.depth_sensor import StereoDepthModel
@@ -55,7 +56,7 @@ class Scenario:
     choice
         How a reach is chosen; see :mod:`punnet.planning.choice`.
     planner, planner_bundle
-        What plans, as :func:`punnet.planning.choice.planner_by_name` takes it.
+        What plans, as :func:`punnet.planning.planner_named` takes it.
     """
 
     seed: int
@@ -92,7 +93,7 @@ class Session:
         detector = None if scenario.perception == ORACLE else load_detector(scenario.perception)
         scale = OracleScale() if detector is None else load_weight_estimator()
         self.scale_name = scale.name
-        base = planner_by_name(scenario.planner, scenario.planner_bundle)
+        base = planner_named(scenario.planner, bundle=scenario.planner_bundle)
         planner = with_choice(base, scenario.choice)
         self.planner_name = planner.name
         world_seed, config = scenario.plant()
