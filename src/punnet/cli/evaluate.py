@@ -1,4 +1,4 @@
-"""``punnet evaluate detector``: every measure of a detector on annotated images."""
+"""``punnet evaluate``: every measure of a detector on annotated images."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from punnet.cli.console import note, print_json, print_table, progress_bar, say
+from punnet.cli.evaluate_planner import register_planner
 from punnet.cli.evaluate_weight import register_weight
 from punnet.cli.options import Force, Json
 
@@ -25,6 +26,7 @@ def register(app: typer.Typer) -> None:
         epilog="Example: punnet evaluate detector --bundle colour --data strawdi/test --split test",
     )(detector)
     register_weight(group)
+    register_planner(group)
     app.add_typer(group, name="evaluate")
 
 

@@ -93,6 +93,8 @@ def plan(
     deep-promp needs the photograph alone. With --depth and --camera the reach ends exactly at the stem; where the camera
     file has no T_base_camera, the camera is taken to sit on the flange at --start.
     """
+    import numpy as np
+
     from punnet.outputs import OutputFolder
     from punnet.planning import DeepProMPPlanner
     from punnet.planning.export import write_plan
@@ -106,7 +108,7 @@ def plan(
     arm = Panda()
     chosen = _planner(planner, planner_bundle, has_depth=depth is not None, arm=arm)
     usual = chosen.home if isinstance(chosen, DeepProMPPlanner) else HOME
-    joints = usual if start is None else _numbers(start, 7, "--start")
+    joints = usual if start is None else np.array(_numbers(start, 7, "--start"))
     frame = Frame.from_files(rgb, depth=depth, camera=camera)
     if depth is not None:
         frame = as_seen_from(frame, joints, arm)

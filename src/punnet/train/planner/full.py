@@ -24,7 +24,7 @@ from punnet.movement.distribution import Space
 from punnet.planning.reaches import DEGREES, Movements, Reaches
 from punnet.train.planner.regression import Regression, choose_penalties, fit_robustly, fold_numbers
 
-__all__ = ["FullConfig", "FullPrediction", "fit_full", "target_boxes"]
+__all__ = ["FullConfig", "FullPrediction", "GivenItsEnd", "fit_full", "given_its_end", "target_boxes"]
 
 Array = NDArray[np.float64]
 FOLDS = 8
@@ -137,22 +137,22 @@ def fit_full(config: FullConfig, reaches: Reaches) -> FullPrediction:
         )
     movements, functions = reaches.movements(config.space), reaches.basis.count
     H = np.kron(np.eye(DEGREES), reaches.basis.phi([1.0]))
-    weights = movements.mean.reshape(M, -1)
-    ends = weights @ H.T
+    ends = movements.mean.reshape(M, -1) @ H.T
     features = _polynomial(_centres(target_boxes(reaches)))
     folds = fold_numbers(reaches.groups, FOLDS)
     penalties, off = choose_penalties(features, ends, folds, config.freedom)
     regression = fit_robustly(features, ends, penalties, config.freedom)
-    within = movements.covariance.mean(axis=0)
-    spread = np.cov(weights.T) + within
-    spread_end = H @ spread @ H.T
-    gain = np.linalg.solve(spread_end + RIDGE * np.eye(DEGREES), H @ spread).T
-    open_part = np.eye(len(spread)) - gain @ H
-    rest = open_part @ spread @ open_part.T
-    doubt = gain @ _root(_doubt_of_ends(config, reaches, off, H @ within @ H.T))
-    middle = weights.mean(axis=0) - gain @ (H @ weights.mean(axis=0))
+    given = given_its_end(movements, H)
+    doubt = _doubt_of_ends(config, reaches, off, H @ movements.covariance.mean(axis=0) @ H.T)
     return FullPrediction(
-        config, regression, gain, middle, _root(rest), doubt, functions, _left_out(config.space, ends, off)
+        config,
+        regression,
+        given.gain,
+        given.middle,
+        _root(given.rest),
+        given.gain @ _root(doubt),
+        functions,
+        _left_out(config.space, ends, off),
     )
 
 
@@ -177,6 +177,35 @@ def target_boxes(reaches: Reaches) -> Array:
     total = np.zeros((len(count), 4))
     np.add.at(total, reaches.targets, reaches.boxes)
     return np.asarray(total / np.maximum(count, 1)[:, None])
+
+
+@dataclass(frozen=True, eq=False)
+class GivenItsEnd:
+    """All demonstrated movements, given where they end: weights = middle + gain · end, with covariance ``rest``.
+
+    Parameters
+    ----------
+    gain
+        (7·B, 7): K = S Hᵀ (H S Hᵀ)⁻¹.
+    middle
+        (7·B,): m − K H m.
+    rest
+        (7·B, 7·B): (I − K H) S (I − K H)ᵀ.
+    """
+
+    gain: Array
+    middle: Array
+    rest: Array
+
+
+def given_its_end(movements: Movements, H: Array) -> GivenItsEnd:
+    """Conditional of movements (M) on their end, ``H`` (7, 7·B) of the weights."""
+    weights = movements.mean.reshape(len(movements), -1)
+    S = np.cov(weights.T) + movements.covariance.mean(axis=0)
+    gain = np.linalg.solve(H @ S @ H.T + RIDGE * np.eye(DEGREES), H @ S).T
+    left = np.eye(len(S)) - gain @ H
+    mean = weights.mean(axis=0)
+    return GivenItsEnd(gain, mean - gain @ (H @ mean), left @ S @ left.T)
 
 
 def _doubt_of_ends(config: FullConfig, reaches: Reaches, off: Array, within: Array) -> Array:
