@@ -21,7 +21,14 @@ from punnet.errors import ConfigurationError
 from punnet.geometry import quaternion_from_rotation
 from punnet.outputs import Interrupted
 from punnet.robot import Panda
-from punnet.sim.demonstrations import EXPLORING, REACH_LIKE, THESIS_LIKE, ReachStyle, reach_to
+from punnet.sim.demonstrations import (
+    EXPLORING,
+    REACH_LIKE,
+    THESIS_LIKE,
+    Demonstrations,
+    ReachStyle,
+    reach_to,
+)
 from punnet.sim.demonstrations_folder import FolderOfReaches
 from punnet.sim.demonstrations_scene import (
     SCENES,
@@ -40,6 +47,7 @@ SPREADS: dict[str, ReachStyle] = {"reach": REACH_LIKE, "thesis": THESIS_LIKE, "e
 
 GENERATOR = 1
 """Raised whenever the same seed gives other bytes."""
+PLANTS_TRIED = 10
 
 
 @dataclass(frozen=True)
@@ -192,21 +200,41 @@ def _make_plant(folder: str, settings: dict[str, Any], plant: int, targets: int)
     try:
         place = FolderOfReaches(Path(folder), settings)
         rng = np.random.default_rng([settings["seed"], plant])
-        scene = grow_scene(rng, settings["scene"], targets, gl_context=_worker_context())
-        entries = _episodes(place, rng, scene, plant)
+        scene, reaches = _reachable(rng, settings, targets)
+        entries = _episodes(place, rng, scene, reaches, plant)
         place.write_shard(plant, entries)
         return len(entries)
     finally:
         cv2.setNumThreads(threads)
 
 
-def _episodes(
-    place: FolderOfReaches, rng: np.random.Generator, scene: DemonstrationScene, plant: int
-) -> list[dict[str, Any]]:
-    """Photograph and reach for each target as often as asked for; the episodes' entries of the shard."""
-    settings, arm = place.settings, Panda()
+def _reachable(
+    rng: np.random.Generator, settings: dict[str, Any], targets: int
+) -> tuple[DemonstrationScene, Demonstrations]:
+    """A plant and reaches to its targets; another plant where one of them can't be reached without strain."""
     style = SPREADS[settings["spread"]]
-    reaches = reach_to(rng, scene.grip_points, settings["repeats"], settings["samples"], style=style, arm=arm)
+    tried = 0
+    while True:
+        tried += 1
+        scene = grow_scene(rng, settings["scene"], targets, gl_context=_worker_context())
+        try:
+            return scene, reach_to(
+                rng, scene.grip_points, settings["repeats"], settings["samples"], style=style
+            )
+        except ConfigurationError:
+            if tried == PLANTS_TRIED:
+                raise
+
+
+def _episodes(
+    place: FolderOfReaches,
+    rng: np.random.Generator,
+    scene: DemonstrationScene,
+    reaches: Demonstrations,
+    plant: int,
+) -> list[dict[str, Any]]:
+    """Photograph each target as often as it was reached for; the episodes' entries of the shard."""
+    settings, arm = place.settings, Panda()
     group = f"plant-{settings['seed']}-{plant}"
     entries = []
     for number in range(len(reaches)):
