@@ -23,7 +23,8 @@ __all__ = ["collect", "need_training", "read_settings", "register_weight"]
 def register_weight(group: typer.Typer) -> None:
     """Add the command to the group ``train``."""
     group.command(
-        "weight", epilog="Example: punnet train weight --model shape --data dataset-1 --out runs/shape"
+        "weight",
+        epilog="Example: punnet train weight --model shape --data dataset-1 --masks sim-fast --out runs/shape",
     )(weight)
 
 
@@ -51,6 +52,14 @@ def weight(
     extra: Annotated[
         list[str] | None,
         typer.Option("--extra", help="Images of other plants, all learnt from. May be given more than once."),
+    ] = None,
+    masks: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--masks",
+            help="A detector: the berries are learnt from as it sees them, besides the true masks. May be given more than "
+            "once.",
+        ),
     ] = None,
     seed: Seed = 0,
     config: Annotated[
@@ -83,6 +92,7 @@ def weight(
         progress=whisper,
         extra=collect(extra) if extra else None,
         extra_data=[Path(source).name for source in extra or []],
+        detected={name: collect([*data, *(extra or [])], name) for name in masks or []},
     )
     if as_json:
         print_json({"run": str(out), **run.results})
@@ -96,14 +106,20 @@ def weight(
         raise typer.Exit(1)
 
 
-def collect(paths: list[str]) -> WeightSamples:
-    """Berries of known weight of some data sets; what can't be read is said and left out."""
+def collect(paths: list[str], detector: str | None = None) -> WeightSamples:
+    """Berries of known weight of some data sets, through a detector's masks if one is named.
+
+    What can't be read is said and left out.
+    """
     from punnet.data.formats import read_dataset
+    from punnet.perception.choosing import load_detector
     from punnet.train.weight.training import collect_all
 
     datasets = [read_dataset(path) for path in paths]
-    with counted_progress("looking at berries") as progress:
-        samples = collect_all(datasets, progress)
+    eyes = None if detector is None else load_detector(detector)
+    what = "looking at berries" if detector is None else f"looking at berries, masks of {detector}"
+    with counted_progress(what) as progress:
+        samples = collect_all(datasets, progress, eyes)
     for line in samples.skipped:
         note(f"left out: {line}")
     if not len(samples):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from punnet.geometry import CameraIntrinsics
 from punnet.scene import KEYPOINTS, Frame, Strawberries, Visibility
 from punnet.weight.cloud import LAYER_GAP, LEAST_POINTS, berry_points, depth_layer, relief_height
+from punnet.weight.completion import trace_contour
 from punnet.weight.silhouette import Silhouette, hidden_share, measure_silhouette, tidy_mask
 
 __all__ = ["LEAST_PIXELS", "RANGE_LIMITS", "BerryObservation", "observe"]
@@ -26,7 +27,7 @@ RANGE_LIMITS = (0.08, 3.0)
 """Metres between which a berry's depth is believed."""
 
 _MILLIMETRES_FROM = 50.0
-_LEAST_READING_SHARE = 0.05
+_LEAST_READING_SHARE = 0.02
 _FLATNESS = 0.2
 """A cloud that bulges less than this share of its outline's diameter is no berry: a picture, a leaf, a wall."""
 _THINNEST = 2e-4
@@ -64,6 +65,10 @@ class BerryObservation:
         0 green … 1 ripe all over, NaN unknown.
     hidden
         Share of the outline, 0 … 1, at which something nearer begins, as the depth tells (its own calyx: .1 to .2).
+    contour, covered
+        (K, 2) pixels of the whole image along the outline of the mask, and whether the berry goes on behind each, (K,).
+    score
+        How sure the detector is, 0 … 1; 1 for a berry that a person, or the simulator, has annotated.
     """
 
     camera: CameraIntrinsics
@@ -77,6 +82,9 @@ class BerryObservation:
     visibility: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(KEYPOINTS), np.int64))
     ripeness: float = math.nan
     hidden: float = 0.0
+    contour: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    covered: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, np.bool_))
+    score: float = 1.0
 
     @cached_property
     def crop_camera(self) -> CameraIntrinsics:
@@ -164,7 +172,8 @@ def _observe_one(frame: Frame, berries: Strawberries, index: int) -> BerryObserv
     own = tidy_mask(mask & ~other)
     if own.sum() < LEAST_PIXELS:
         raise _NotWeighableError("the mask shows hardly anything of the depth of the berry")
-    hidden = hidden_share(depth, own, float(np.median(points[:, 2])) - _DEPTH_NOISE)
+    before = float(np.median(points[:, 2])) - _DEPTH_NOISE
+    contour, covered = trace_contour(depth, own, before)
     keypoints, visibility = _keypoints(berries, index)
     inner = _box(own, margin=0)
     outer = (_shifted(inner[0], window[0].start), _shifted(inner[1], window[1].start))
@@ -179,7 +188,10 @@ def _observe_one(frame: Frame, berries: Strawberries, index: int) -> BerryObserv
         keypoints=keypoints,
         visibility=visibility,
         ripeness=float(berries.ripeness[index]),
-        hidden=hidden,
+        hidden=hidden_share(depth, own, before),
+        contour=contour + np.array((window[1].start, window[0].start)),
+        covered=covered,
+        score=float(berries.scores[index]),
     )
     _check_relief(observation)
     return observation

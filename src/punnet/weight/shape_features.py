@@ -11,6 +11,7 @@ import numpy as np
 
 from punnet.perception.picking_points import PICKING_HEIGHT
 from punnet.scene import KEYPOINTS, Visibility
+from punnet.weight.completion import complete_outline
 from punnet.weight.ellipsoid import EllipsoidEstimator
 from punnet.weight.observation import BerryObservation
 from punnet.weight.profile import (
@@ -97,6 +98,26 @@ SHAPE_FEATURES: dict[str, dict[str, str]] = {
         **{f"{name}_behind": f"1 if the fruit itself hides {name}" for name in _SEEN_FROM},
         "without_axis": "1 if top or bottom is not known",
     },
+    "completion": {
+        "completed_length_m": "length of the tapered ellipse that the berry's own edges make likeliest",
+        "completed_width_m": "its width",
+        "completed_ml": "volume of its body of revolution",
+        "completed_uncertainty": "standard deviation of the logarithm of that volume, as the edges leave it open",
+        "completed_length_uncertainty": "of the logarithm of the length",
+        "completed_misfit": "by which the edges are off it, over half its width",
+        "completed_taper": "by how much it is narrower towards the bottom",
+        "completed_turn_rad": "from the key-point axis to its own",
+        "completed_begin": "where it begins along the axis, over its length",
+        "completed_end": "where it ends, over keypoint_length_m",
+        "own_edge": "share of the outline that is the berry's own edge",
+        "completed_over_revolution": "completed_ml over revolution_ml",
+        "completed_over_keypoint_length": "completed_length_m over keypoint_length_m",
+        "completed_over_keypoint_width": "completed_width_m over keypoint_width_m",
+    },
+    "detection": {
+        "score": "how sure the detector is; 1 of an annotated berry",
+        "annotated": "1 if the score is 1: hidden key-points are then known, which a detector guesses",
+    },
     "stem": {
         "stem_length_m": "from the picking point to the top; as long as it is in space without key-points",
         "stem_bend_rad": "angle between stem and axis; 0 without key-points",
@@ -122,6 +143,9 @@ def shape_features(berry: BerryObservation) -> dict[str, float]:
         **_profile(profile, metric),
         **_relief(berry, profile, relief),
         **_occlusion(berry, profile, relief, metric),
+        **_completion(berry, profile, metric),
+        "score": berry.score,
+        "annotated": float(berry.score >= 1.0),
         "stem_length_m": _or(profile.stem_length, PICKING_HEIGHT),
         "stem_bend_rad": _or(profile.stem_bend, 0.0),
         "ripeness": 1.0 if math.isnan(berry.ripeness) else berry.ripeness,
@@ -219,6 +243,31 @@ def _occlusion(
             for name, code in zip(_SEEN_FROM, codes, strict=True)
         },
         "without_axis": float(math.isnan(profile.keypoint_length)),
+    }
+
+
+def _completion(berry: BerryObservation, profile: BerryProfile, metric: dict[str, float]) -> dict[str, float]:
+    points = np.empty((0, 2))
+    if len(berry.contour):
+        pixels = berry.contour - (berry.window[1].start, berry.window[0].start)
+        points = profile.in_axis_frame(berry.outline.on_plane(berry.crop_camera, pixels) * berry.scale)
+    whole = complete_outline(points, berry.covered, profile.completed)
+    millilitres = whole.volume * _MILLILITRES
+    return {
+        "completed_length_m": whole.length,
+        "completed_width_m": whole.width,
+        "completed_ml": millilitres,
+        "completed_uncertainty": whole.uncertainty,
+        "completed_length_uncertainty": whole.length_uncertainty,
+        "completed_misfit": whole.misfit,
+        "completed_taper": whole.taper,
+        "completed_turn_rad": whole.turn,
+        "completed_begin": whole.begin / whole.length,
+        "completed_end": (whole.begin + whole.length) / metric["keypoint_length_m"],
+        "own_edge": whole.own,
+        "completed_over_revolution": millilitres / metric["revolution_ml"],
+        "completed_over_keypoint_length": whole.length / metric["keypoint_length_m"],
+        "completed_over_keypoint_width": whole.width / metric["keypoint_width_m"],
     }
 
 

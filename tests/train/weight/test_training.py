@@ -26,7 +26,8 @@ from punnet.train.weight.forest import FOREST, PlainForestConfig
 from punnet.train.weight.training import WeightRun, load_run, read_config, train_weight_model
 from punnet.weight.ellipsoid import EllipsoidEstimator
 from punnet.weight.learned import LearnedWeightEstimator
-from punnet.weight.samples import MissedBerry
+from punnet.weight.sample_split import split_groups
+from punnet.weight.samples import MissedBerry, join_samples
 from tests.train.weight.domes import domes
 
 SAMPLES = domes(90)
@@ -61,6 +62,29 @@ def test_a_run_says_what_it_was_made_of_and_what_it_is_worth(run: WeightRun) -> 
     assert settings["config"]["trees"] == 10
     assert run.results["test"]["parts"]["all"]["berries"] == settings["berries"]["test"]
     assert np.isfinite(run.model().predict(SAMPLES.observations[:3])).all()
+
+
+def test_a_detector_s_berries_are_learnt_from_in_the_part_of_their_plant(tmp_path: Path) -> None:
+    """Its masks are half of what is learnt from; no plant of the test is among them, and it has its own results."""
+    others = replace(domes(20, 9), groups=tuple(f"other {n}" for n in range(20)))
+    run = train_weight_model(
+        FOREST,
+        CONFIG,
+        SAMPLES,
+        data=["domes"],
+        folder=tmp_path / "run",
+        seed=0,
+        progress=lambda line: None,
+        extra=others,
+        extra_data=["others"],
+        detected={"eyes": join_samples([SAMPLES, others])},
+    )
+    plain = split_groups(SAMPLES)
+    assert run.settings["masks"] == ["truth", "eyes"]
+    assert run.settings["berries"]["train"] == 2 * (len(plain.train) + len(others))
+    assert run.settings["berries"]["test"] == len(plain.test)
+    assert run.results["test, masks of eyes"]["masks"] == "eyes"
+    assert run.results["test, masks of eyes"]["parts"] == run.results["test"]["parts"]
 
 
 def test_a_finished_run_is_not_trained_again(run: WeightRun) -> None:

@@ -11,6 +11,8 @@ pytest.importorskip("onnx")
 
 from sklearn.ensemble import HistGradientBoostingRegressor, RandomForestRegressor
 
+from punnet.errors import ConfigurationError
+from punnet.train.weight.feature_network import FeatureNetworks, NetworkConfig
 from punnet.train.weight.tree_export import (
     rounded_down,
     trees_of_boosting,
@@ -85,3 +87,29 @@ def test_thresholds_are_rounded_towards_the_smaller() -> None:
     rounded = rounded_down(values).astype(np.float64)
     assert (rounded <= values).all()
     assert (np.nextafter(rounded_down(values), np.float32(np.inf)).astype(np.float64) > values).all()
+
+
+def test_networks_beside_the_trees_count_half(berries: tuple[np.ndarray, np.ndarray]) -> None:
+    features, target = berries
+    ratio = np.log(target / features[:, 2])
+    trees = HistGradientBoostingRegressor(max_iter=20, random_state=0).fit(features, ratio)
+    networks = FeatureNetworks(NetworkConfig(members=2, widths=(16, 8), epochs=40), 0).fit(features, ratio)
+    assert np.std(networks.predict(features) - ratio) < 0.6 * np.std(ratio)
+    graph = weight_graph(trees_of_boosting([trees]), None, features=4, base=2, beside=networks)
+    asked = np.vstack((features, features * 5.0, -features)).astype(np.float32)
+    grams, _ = run(graph, asked)
+    wanted = asked[:, 2] * np.exp((trees.predict(asked) + networks.predict(asked)) / 2.0)
+    np.testing.assert_allclose(grams, wanted, rtol=1e-5)
+
+
+def test_networks_of_the_same_seed_are_the_same(berries: tuple[np.ndarray, np.ndarray]) -> None:
+    features, target = berries
+    config = NetworkConfig(members=1, widths=(8,), epochs=5)
+    first, second = (FeatureNetworks(config, 3).fit(features, target).predict(features) for _ in range(2))
+    assert (first == second).all()
+
+
+@pytest.mark.parametrize("wrong", [{"members": 0}, {"widths": ()}, {"decay": -1.0}, {"learning_rate": 0.0}])
+def test_impossible_networks_are_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(ConfigurationError, match="networks"):
+        NetworkConfig(**wrong)  # type: ignore[arg-type]

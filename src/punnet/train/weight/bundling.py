@@ -10,7 +10,7 @@ from punnet.bundle import Manifest, write_bundle
 from punnet.errors import ConfigurationError
 from punnet.train.detector.bundling import Terms
 from punnet.train.weight.feature_model import FeatureModel
-from punnet.train.weight.training import load_run
+from punnet.train.weight.training import TRUTH, load_run
 from punnet.weight.learned import MODEL_FILE, WEIGHT_FILE
 
 __all__ = ["bundle_weight_run"]
@@ -57,6 +57,7 @@ def bundle_weight_run(
         )
     settings = trained.settings
     data = "".join(f" --{kind} {source}" for kind in ("data", "extra") for source in settings[kind])
+    data += "".join(f" --masks {name}" for name in settings.get("masks", ()) if name != TRUTH)
     return write_bundle(
         folder,
         name=name,

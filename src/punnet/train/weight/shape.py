@@ -1,6 +1,6 @@
-"""Ours: boosted trees on what a berry measures, with an interval for each berry.
+"""Ours: boosted trees and small networks on what a berry measures, with an interval for each berry.
 
-The trees tell by how much a berry's weight differs from that of a body of revolution with its outline; a second,
+Both tell by how much a berry's weight differs from that of a body of revolution with its outline, and their mean counts; a
 smaller set of trees tells how far off the first may be, from what is hidden, noisy or cut off. The interval is
 conformal: quantiles of the residuals of plants that were left out of the training, each over what was expected of it.
 """
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from punnet.errors import ConfigurationError
 from punnet.train.weight.calibration import conformal_quantiles, predict_out_of_fold
 from punnet.train.weight.feature_model import COVERAGE, FeatureModel
+from punnet.train.weight.feature_network import FeatureNetworks, NetworkConfig
 from punnet.train.weight.registry import ModelSpec, Tell
 from punnet.train.weight.tree_export import trees_of_boosting, weight_graph
 from punnet.weight.features import SHAPE_GROUPS, feature_matrix, feature_names
@@ -56,6 +57,8 @@ class ShapeConfig:
         Of the trees that tell the spread.
     folds
         Parts of the training plants, each in turn left out, whose residuals teach the spread and make the interval.
+    networks, widths, decay, epochs
+        Members and settings of :class:`~punnet.train.weight.feature_network.NetworkConfig`.
 
     Raises
     ------
@@ -64,24 +67,34 @@ class ShapeConfig:
     """
 
     groups: tuple[str, ...] = SHAPE_GROUPS
-    members: int = 3
-    trees: int = 600
-    learning_rate: float = 0.03
-    leaves: tuple[int, ...] = (16, 31, 48)
+    members: int = 2
+    trees: int = 400
+    learning_rate: float = 0.04
+    leaves: tuple[int, ...] = (16, 31)
     least_leaf: int = 15
     feature_share: float = 0.25
     spread_trees: int = 120
     spread_leaves: int = 6
-    folds: int = 8
+    folds: int = 5
+    networks: int = 5
+    widths: tuple[int, ...] = (96, 48)
+    decay: float = 0.01
+    epochs: int = 60
 
     def __post_init__(self) -> None:
         counts = (self.members, self.trees, self.least_leaf, self.spread_trees, *self.leaves)
         if min(counts) < 1 or min(*self.leaves, self.spread_leaves) < 2 or self.folds < 2:
             raise ConfigurationError("shape: members and trees must be ≥ 1, leaves and folds ≥ 2")
+        self.network  # noqa: B018 - raises
         if not 0 < self.feature_share <= 1 or not 0 < self.learning_rate <= 1:
             raise ConfigurationError("shape: feature_share and learning_rate must be in (0, 1]")
         if _BASE not in feature_names(self.groups):
             raise ConfigurationError(f"shape: groups must hold metric, which has {_BASE}")
+
+    @property
+    def network(self) -> NetworkConfig:
+        """Of the networks beside the trees."""
+        return NetworkConfig(self.networks, self.widths, self.decay, self.epochs)
 
 
 def fit(
@@ -113,7 +126,7 @@ def fit(
     everything, groups = np.concatenate([features, shown]), (*train.groups, *validation.groups)
     wanted = np.concatenate([target, wanted])
     left_out = predict_out_of_fold(
-        partial(_trees, config, leaves, seed), everything, wanted, groups, folds=config.folds, seed=seed
+        partial(_Both, config, leaves, seed), everything, wanted, groups, folds=config.folds, seed=seed
     )
     residuals = wanted - left_out
     size = np.log(np.abs(residuals) + _LEAST_RESIDUAL)
@@ -122,11 +135,19 @@ def fit(
         partial(_spread_trees, config, seed), everything, size, groups, folds=config.folds, seed=seed
     )
     interval = conformal_quantiles(residuals, np.exp(expected), COVERAGE)
-    progress("shape: trees on all that is not set aside for the test")
-    trees = _trees(config, leaves, seed).fit(everything, wanted)
+    for name, chosen in _sources(everything, config.groups).items():
+        scores = residuals[chosen] / np.exp(expected[chosen])
+        held = 100.0 * float(np.mean((interval.low <= scores) & (scores <= interval.high)))
+        progress(f"shape: intervals hold {held:.1f}% of {chosen.sum()} {name} berries of plants left out")
+    progress("shape: trees and networks on all that is not set aside for the test")
+    both = _Both(config, leaves, seed).fit(everything, wanted)
     spread = _spread_trees(config, seed).fit(everything, size)
     graph = weight_graph(
-        trees_of_boosting(trees.members), trees_of_boosting([spread]), features=features.shape[1], base=column
+        trees_of_boosting(both.trees.members),
+        trees_of_boosting([spread]),
+        features=features.shape[1],
+        base=column,
+        beside=both.networks,
     )
     chosen = {"leaves": leaves, "trees": config.trees, "members": config.members, "validation_mape": best}
     settings = WeightSettings("shape", config.groups, interval)
@@ -146,6 +167,22 @@ class _BoostedTrees:
 
     def predict(self, X: NDArray[np.float32]) -> NDArray[np.float64]:
         return np.asarray(np.mean([member.predict(X) for member in self.members], axis=0))
+
+
+class _Both:
+    """Trees and networks, whose mean counts."""
+
+    def __init__(self, config: ShapeConfig, leaves: int, seed: int) -> None:
+        self.trees = _trees(config, leaves, seed)
+        self.networks = FeatureNetworks(config.network, seed)
+
+    def fit(self, X: NDArray[np.float32], y: NDArray[np.float64]) -> _Both:
+        self.trees.fit(X, y)
+        self.networks.fit(X, y)
+        return self
+
+    def predict(self, X: NDArray[np.float32]) -> NDArray[np.float64]:
+        return np.asarray((self.trees.predict(X) + self.networks.predict(X)) / 2.0)
 
 
 def _trees(config: ShapeConfig, leaves: int, seed: int) -> _BoostedTrees:
@@ -181,6 +218,16 @@ def _spread_trees(config: ShapeConfig, seed: int) -> HistGradientBoostingRegress
     )
 
 
+def _sources(features: NDArray[np.float32], groups: tuple[str, ...]) -> dict[str, NDArray[np.bool_]]:
+    """Which berries were annotated and which detected, as far as there are such and the features tell."""
+    names = feature_names(groups)
+    if "annotated" not in names:
+        return {}
+    annotated = features[:, names.index("annotated")] > 0
+    found = {"annotated": annotated, "detected": ~annotated}
+    return {name: chosen for name, chosen in found.items() if chosen.any()}
+
+
 def _log_ratio(true: NDArray[np.float64], base: NDArray[np.float32]) -> NDArray[np.float64]:
     return np.asarray(np.log(true / base.astype(np.float64)))
 
@@ -192,5 +239,5 @@ SHAPE = ModelSpec(
     fit=fit,
     load=FeatureModel.load,
     learns_fast=True,
-    quick={"members": 1, "trees": 300, "learning_rate": 0.05, "leaves": (31,), "folds": 4},
+    quick={"members": 1, "trees": 300, "learning_rate": 0.05, "leaves": (31,), "folds": 4, "networks": 2},
 )

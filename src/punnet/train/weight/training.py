@@ -12,6 +12,7 @@ import punnet
 from punnet.data.dataset import Dataset
 from punnet.errors import ConfigurationError, FileFormatError, OutputExistsError
 from punnet.outputs import write_text
+from punnet.perception.detector import Detector
 from punnet.train.detector.config import config_from_json, config_to_json
 from punnet.train.weight.registry import FittedWeightModel, ModelSpec, Tell, model_spec
 from punnet.weight.evaluation import evaluate_weights, weigh_samples
@@ -20,6 +21,7 @@ from punnet.weight.samples import WeightSamples, collect_samples, join_samples
 
 __all__ = [
     "RUN_FILE",
+    "TRUTH",
     "WeightRun",
     "collect_all",
     "is_weight_run",
@@ -31,6 +33,7 @@ __all__ = [
 RUN_FILE = "run.json"
 RESULTS_FILE = "results.json"
 MODEL_FOLDER, WORK_FOLDER = "model", "work"
+TRUTH = "truth"
 SCHEMA = "punnet-weight-run/1"
 
 
@@ -61,9 +64,14 @@ class WeightRun:
 
 
 def collect_all(
-    datasets: Sequence[Dataset], progress: Callable[[int, int], None] | None = None
+    datasets: Sequence[Dataset],
+    progress: Callable[[int, int], None] | None = None,
+    detector: Detector | None = None,
 ) -> WeightSamples:
-    """Samples of several sets through their true masks; ``progress`` is told images done and in all."""
+    """Samples of several sets through a detector's masks, the true ones if None.
+
+    ``progress`` is told images done and in all.
+    """
     total, done = sum(len(dataset) for dataset in datasets), 0
 
     def advance() -> None:
@@ -72,7 +80,9 @@ def collect_all(
         if progress is not None:
             progress(done, total)
 
-    return join_samples([collect_samples(dataset, progress=advance) for dataset in datasets])
+    return join_samples(
+        [collect_samples(dataset, detector=detector, progress=advance) for dataset in datasets]
+    )
 
 
 def read_config(spec: ModelSpec, changes: Mapping[str, Any]) -> Any:
@@ -97,6 +107,7 @@ def train_weight_model(
     progress: Tell,
     extra: WeightSamples | None = None,
     extra_data: Sequence[str] = (),
+    detected: Mapping[str, WeightSamples] | None = None,
 ) -> WeightRun:
     """Train, or go on with a run that was stopped; a finished run of the same settings is given as it is.
 
@@ -116,6 +127,9 @@ def train_weight_model(
         Told how it goes.
     extra, extra_data
         Other plants, all learnt from, and names of their sets.
+    detected
+        The berries of ``samples`` and ``extra`` once more, as detectors see them, by the detector's name: learnt from and
+        validated on besides, each plant in the part where it is anyway.
 
     Raises
     ------
@@ -124,12 +138,12 @@ def train_weight_model(
     OutputExistsError
         If the folder holds something else, or a run with other settings.
     """
-    parts = split_groups(samples)
-    if extra is not None:
-        if both := sorted(set(samples.groups) & set(extra.groups)):
-            raise ConfigurationError(f"the plant {both[0]} is in the data and in what is learnt from besides")
-        parts = replace(parts, train=join_samples([parts.train, extra]))
+    tested = {TRUTH: split_groups(samples)}
+    tested |= {name: _parted(seen, samples) for name, seen in (detected or {}).items()}
+    parts = _learnt_from(tested, samples, extra)
     settings = _settings(spec, config, parts, seed) | {"data": list(data), "extra": list(extra_data)}
+    if detected:
+        settings["masks"] = list(tested)
     _claim(folder, settings)
     if (folder / RESULTS_FILE).is_file():
         progress(f"{folder}: {spec.name} is trained already, with these settings")
@@ -141,10 +155,15 @@ def train_weight_model(
     )
     model.save(folder / MODEL_FOLDER)
     results = {
-        name: evaluate_weights(
-            part, weigh_samples(model, part), estimator=spec.name, data=f"{' + '.join(data)}, {name}"
+        name if masks == TRUTH else f"{name}, masks of {masks}": evaluate_weights(
+            part,
+            weigh_samples(model, part),
+            estimator=spec.name,
+            data=f"{' + '.join(data)}, {name}",
+            masks=masks,
         ).to_json()
-        for name, part in (("validation", parts.validation), ("test", parts.test))
+        for masks, seen in tested.items()
+        for name, part in (("validation", seen.validation), ("test", seen.test))
     }
     write_text(folder / RESULTS_FILE, _json(results), force=True)
     if not any((folder / WORK_FOLDER).iterdir()):
@@ -171,6 +190,29 @@ def load_run(folder: Path) -> WeightRun:
 def is_weight_run(folder: Path) -> bool:
     """Whether the folder is that of a weight model's run, finished or not."""
     return (folder / RUN_FILE).is_file()
+
+
+def _parted(seen: WeightSamples, samples: WeightSamples) -> WeightSplit:
+    """What a detector saw of the plants of ``samples``, parted like them; the other plants are learnt from."""
+    known = set(samples.groups)
+    own = [index for index, group in enumerate(seen.groups) if group in known]
+    missed = tuple(berry for berry in seen.missed if berry.group in known)
+    parts = split_groups(replace(seen.subset(own), missed=missed))
+    other = seen.subset(index for index, group in enumerate(seen.groups) if group not in known)
+    return replace(parts, train=join_samples([parts.train, other]))
+
+
+def _learnt_from(
+    tested: Mapping[str, WeightSplit], samples: WeightSamples, extra: WeightSamples | None
+) -> WeightSplit:
+    """Through all masks together what is learnt from and validated on, with ``extra``; through the true ones the test."""
+    train = [seen.train for seen in tested.values()]
+    if extra is not None:
+        if both := sorted(set(samples.groups) & set(extra.groups)):
+            raise ConfigurationError(f"the plant {both[0]} is in the data and in what is learnt from besides")
+        train.append(extra)
+    validation = join_samples([seen.validation for seen in tested.values()])
+    return WeightSplit(join_samples(train), validation, tested[TRUTH].test)
 
 
 def _settings(spec: ModelSpec, config: Any, parts: WeightSplit, seed: int) -> dict[str, Any]:

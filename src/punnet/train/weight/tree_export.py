@@ -1,4 +1,4 @@
-"""Trees of scikit-learn to one ONNX graph that gives grams and how far off they may be.
+"""Trees of scikit-learn, and networks beside them, to one ONNX graph that gives grams and how far off they may be.
 
 ONNX compares in single precision: a feature x of that precision is at most the threshold t just when it is at most the
 largest number of that precision that is not above t, so thresholds are rounded down and no berry takes another path.
@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from punnet.train.weight.feature_network import FeatureNetworks, network_nodes
 
 if TYPE_CHECKING:
     import onnx
@@ -106,7 +108,14 @@ def trees_of_boosting(members: Sequence[HistGradientBoostingRegressor]) -> TreeS
     return TreeSum(start, tuple(trees))
 
 
-def weight_graph(weight: TreeSum, spread: TreeSum | None, *, features: int, base: int | None) -> bytes:
+def weight_graph(
+    weight: TreeSum,
+    spread: TreeSum | None,
+    *,
+    features: int,
+    base: int | None,
+    beside: FeatureNetworks | None = None,
+) -> bytes:
     """An ONNX file from ``features`` (N, F) to ``grams`` (N, 1) and ``spread`` (N, 1).
 
     Parameters
@@ -119,13 +128,19 @@ def weight_graph(weight: TreeSum, spread: TreeSum | None, *, features: int, base
         F.
     base
         Column that is multiplied with e to what the trees say: a volume or a weight.
+    beside
+        Networks that say the same, whose mean with the trees counts.
     """
     import onnx
     from onnx import TensorProto, helper
 
     factor = GRAMS_OUTPUT if base is None else "factor"
-    nodes = [_ensemble(weight, "said"), helper.make_node("Exp", ["said"], [factor])]
-    constants = []
+    nodes, constants = [_ensemble(weight, "said" if beside is None else "trees")], []
+    if beside is not None:
+        told, held = network_nodes(beside, FEATURES_INPUT, "networks")
+        constants += held
+        nodes += [*told, helper.make_node("Mean", ["trees", "networks"], ["said"])]
+    nodes.append(helper.make_node("Exp", ["said"], [factor]))
     if base is not None:
         constants.append(helper.make_tensor("column", TensorProto.INT64, [1], [base]))
         nodes += [
