@@ -54,7 +54,7 @@ def test_a_suite_is_harvested_and_kept(punnet, tmp_path, one_plant):
     assert figures["success"]["hits"] == 1
     assert (figures["planner"], figures["planner_bundle"]) == ("promp-depth", None)
     assert figures["missed"] == {"grip: nothing between the pads": 1}
-    punnet(*command, "--choice", "mean").fails_with("begun with choice 'clearest'", "--force")
+    punnet(*command, "--choice", "mean").fails_with("begun with choice 'collision-aware'", "--force")
 
 
 def test_runs_side_by_side(punnet, tmp_path, one_plant):

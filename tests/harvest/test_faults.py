@@ -7,10 +7,11 @@ import pytest
 
 from punnet.errors import KinematicsError, OutputError, PlanningError, RobotError
 from punnet.harvest.attempts import Outcome, Phase
+from punnet.harvest.eyes import Eyes
 from punnet.harvest.failures import Failure, Recovery
 from punnet.harvest.loop import Harvester
 from punnet.harvest.scenario import Scenario, Session
-from punnet.robot import HOME, MotionResult
+from punnet.robot import HOME, TOO_THICK, GripResult, MotionResult
 from punnet.sim.world import WorldConfig
 from tests.harvest.kinematic import KinematicRobot, a_harvester
 
@@ -191,6 +192,99 @@ def test_a_berry_that_moved_is_found_where_it_is_by_now(session):
     assert len(run.picked) == len(run.attempts) == 2  # the pads reach 12 mm
     assert run.attempts[0].shift == pytest.approx([0.0, 0.018, 0.0])
     assert not run.attempts[1].shift.any()
+
+
+def unseen(robot):
+    """At a look on the way the eyes find nothing where the berry should be, and find it again later."""
+
+    def look(original):
+        frame = original()
+        robot.veiled = robot.time
+        return frame
+
+    return look
+
+
+class BlinkingEyes:
+    """Sees what hangs but for the look that the robot calls veiled."""
+
+    name = "blinking"
+
+    def __init__(self, robot):
+        self._robot = robot
+
+    def detect(self, frame):
+        if frame.timestamp == getattr(self._robot, "veiled", None):
+            return self._robot.berries[[]]
+        return self._robot.berries[sorted(self._robot.hanging)]
+
+
+def test_a_berry_that_is_not_seen_again_on_the_way_is_left_for_later(session):
+    robot = session.robot
+    exchanged(session, eyes=Eyes(session.harvester._parts.robot, BlinkingEyes(robot)))
+    failing(robot, "look", on_the_way, unseen(robot))
+    run = session.run()
+    assert run.attempts[0].failure is Failure.NOT_CONFIRMED
+    assert not run.attempts[0].confirmed
+    assert len(run.picked) == 2
+    assert session.harvester.journal.failures == [(Phase.REACH, Failure.NOT_CONFIRMED, Recovery.SECOND_VIEW)]
+
+
+@pytest.mark.parametrize(("thick", "picked_first"), [(1, True), (2, False)])
+def test_with_a_fruit_between_the_pads_it_grips_higher_once(session, thick, picked_first):
+    robot, grip, heights = session.robot, session.robot.grip, []
+
+    def gripping():
+        heights.append(robot.tool()[2])
+        return GripResult(False, 0.02, TOO_THICK) if len(heights) <= thick else grip()
+
+    robot.grip = gripping
+    run = session.run()
+    assert heights[1] - heights[0] == pytest.approx(0.009, abs=1e-4)
+    assert (run.attempts[0].outcome is Outcome.PICKED) == picked_first
+    assert len(run.picked) == 2
+    if not picked_first:
+        assert run.attempts[0].failure is Failure.FRUIT_GRIPPED
+
+
+def test_from_the_sides_it_finds_what_home_does_not_show(session):
+    robot, look, looked_from = session.robot, session.robot.look, {}
+
+    def looking():
+        frame = look()
+        looked_from[frame.timestamp] = robot.joints()
+        return frame
+
+    robot.look = looking
+
+    class FromTheSide:
+        name = "side"
+
+        def detect(self, frame):
+            at_home = np.abs(looked_from[frame.timestamp] - HOME).max() < 0.05
+            return robot.berries[sorted(robot.hanging - ({1} if at_home else set()))]
+
+    told = []
+    exchanged(
+        session,
+        eyes=Eyes(session.harvester._parts.robot, FromTheSide()),
+        tell=lambda line, attempt: told.append(line),
+    )
+    run = session.run()
+    assert len(run.picked) == 2
+    assert [attempt.second_view for attempt in run.attempts] == [False, True]
+    assert (
+        told.count("looks at the plant from another side") == 3
+    )  # once for the berry, and two that find no more
+
+
+def test_what_is_not_ripe_enough_is_left(session):
+    robot = session.robot
+    robot.berries = robot.berries.with_fields(ripeness=np.array([0.95, 0.7]))
+    exchanged(session, config=replace(session.harvester.config, least_ripeness=0.9))
+    run = session.run()
+    assert [attempt.row for attempt in run.attempts] == [0]
+    assert robot.hanging == {1}
 
 
 def test_what_two_looks_differ_by_noise_moves_nothing(session):

@@ -110,7 +110,7 @@ def test_full_punnets_take_no_more():
 
 
 def test_a_berry_that_does_not_fit_waits_for_one_that_does():
-    with a_session(seed=THREE_RIPE, nominal_punnet=60.0) as session:
+    with a_session(seed=THREE_RIPE, nominal_punnet=60.0, attempts=2) as session:
         parts, situation = session.harvester._parts, session.harvester._situation
         for step in (Look(parts), Perceive(parts), Weigh(parts)):
             step.do(situation)
@@ -199,7 +199,10 @@ def test_without_ripe_berries_nothing_is_touched():
         assert session.world.attached().all()
 
 
-@pytest.mark.parametrize("bad", [{"speed": 0.0}, {"careful_speed": 1.5}, {"attempts": 0}, {"retreat": -1.0}])
+@pytest.mark.parametrize(
+    "bad",
+    [{"speed": 0.0}, {"careful_speed": 1.5}, {"attempts": 0}, {"side_views": 4}, {"least_ripeness": 2.0}],
+)
 def test_impossible_settings_are_refused(bad):
     with pytest.raises(ConfigurationError, match="harvest"):
         HarvestConfig(**bad)

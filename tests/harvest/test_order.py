@@ -104,3 +104,12 @@ def test_unknown_orders_are_named():
         order_of("random")
     with pytest.raises(ConfigurationError, match="random"):
         HarvestConfig(order="random")
+
+
+def test_what_hangs_behind_another_that_is_picked_waits_for_it():
+    behind, before = (0.0, 0.0, 0.0), (-0.025, 0.004, 0.02)
+    around = [
+        (0.0, y, 0.0) for y in (-0.02, 0.02)
+    ]  # unripe, on both sides: whichever side it comes from, it touches
+    scene = berries(behind, before, *around, classes=np.array([0, 0, 1, 1]))
+    assert list(front_first(FRAME, scene)) == [1, 0]

@@ -8,7 +8,7 @@ from punnet.errors import RobotError
 from punnet.geometry import invert_transform
 from punnet.movement import JointTrajectory, retime
 from punnet.planning import ProMPDepthPlanner
-from punnet.robot import HOME, T_FLANGE_TOOL, Panda, Robot, nearest_solution
+from punnet.robot import HOME, T_FLANGE_TOOL, TOO_THICK, Panda, Robot, nearest_solution
 from punnet.robot.tool import T_FLANGE_CAMERA
 from punnet.scene import Frame, Target
 from punnet.sim.panda_robot import WRIST_CAMERA, SimulatedPanda
@@ -84,6 +84,17 @@ def test_gripped_too_low_it_is_not_cut(robot):
     result = robot.cut()
     assert not result.cut
     assert "mm above the calyx" in result.reason
+
+
+def test_a_fruit_between_the_pads_is_let_go_of_unharmed(robot):
+    berry = in_front(robot)
+    T = robot.world.berry_poses()[berry]
+    assert reach(robot, T[:3, 3] - 0.010 * T[:3, 2]).reached
+    before = robot.world.contacts.peak_on_berry[berry]
+    grip = robot.grip()
+    assert (grip.holding, grip.reason) == (False, TOO_THICK)
+    assert grip.opening > 0.010
+    assert robot.world.contacts.peak_on_berry[berry] < max(before, 3.0)
 
 
 def test_the_camera_sits_where_kinematics_says(robot):

@@ -68,7 +68,7 @@ def harvest(
         str | None,
         typer.Option(
             "--choice",
-            help="Which reach of a planner's: mean, clearest (default) or collision-aware.",
+            help="Which reach of a planner's: mean, clearest or collision-aware (default).",
             show_default=False,
         ),
     ] = None,

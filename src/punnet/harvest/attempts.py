@@ -53,7 +53,8 @@ class Attempt:
     ``meant_for`` after the attempt, NaN if it was not read. ``failure`` is the name of the reason why it was not
     picked, ``reason`` tells more. ``approach`` (3,) is the direction along which the tool came in, None if it did not;
     ``second_view`` whether the frame was not taken from home; ``shift`` (3,) metres how far the tool went beside the planned
-    point, by a look on the way; ``carried`` what went wrong with the berry in the grip.
+    point, by a look on the way; ``confirmed`` False if that look did not show the berry; ``carried`` what went wrong with
+    the berry in the grip.
     """
 
     number: int
@@ -71,6 +72,7 @@ class Attempt:
     approach: NDArray[np.float64] | None = None
     second_view: bool = False
     shift: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    confirmed: bool = True
     carried: str | None = None
     weighed: float = float("nan")
     punnet: int | None = None
@@ -98,6 +100,7 @@ class Attempt:
             "approach": None if self.approach is None else self.approach.tolist(),
             "second_view": self.second_view,
             "shift": self.shift.tolist(),
+            "confirmed": self.confirmed,
             "picking_point": [_nullable(value) for value in self.picking_point],
             "estimate_g": _nullable(self.estimate),
             "interval_g": [_nullable(value) for value in self.interval],
@@ -144,6 +147,7 @@ class Attempt:
                 approach=None if data["approach"] is None else np.array(data["approach"], dtype=np.float64),
                 second_view=bool(data["second_view"]),
                 shift=np.array(data["shift"], dtype=np.float64),
+                confirmed=bool(data["confirmed"]),
                 weighed=_number(data["weighed_g"]),
                 punnet=data["punnet"],
                 reading=_number(data["reading_g"]),

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from punnet.errors import ConfigurationError
 from punnet.harvest.order import DEFAULT_ORDER, order_of
 
-__all__ = ["HarvestConfig"]
+__all__ = ["MOST_SIDE_VIEWS", "HarvestConfig"]
+
+MOST_SIDE_VIEWS = 3
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,11 @@ class HarvestConfig:
         Looks in a row that may give nothing before the harvest stops.
     same_berry
         Metres within which picking points of two looks are the same berry.
+    side_views
+        Views of the plant from its sides, 0 to 3, when from home no berry is left that may be tried.
+    least_ripeness
+        Of a berry that is picked, 0 to 1, whatever class the detector gives it; one of unknown ripeness is picked. Every
+        detector has its own scale. None: the class alone counts.
     most_looks
         Looks after which the loop ends whatever it sees; a guard against endless loops.
     look_on_the_way
@@ -49,10 +56,12 @@ class HarvestConfig:
 
     speed: float = 0.9
     careful_speed: float = 0.5
-    retreat: float = 0.11
-    attempts: int = 2
+    retreat: float = 0.18
+    attempts: int = 3
     patience: int = 3
     same_berry: float = 0.025
+    side_views: int = 2
+    least_ripeness: float | None = None
     most_looks: int = 60
     look_on_the_way: float = 0.21
     reach_force: float | None = 8.0
@@ -75,4 +84,9 @@ class HarvestConfig:
         ):
             raise ConfigurationError(
                 "harvest: attempts, patience and most_looks must be ≥ 1, retreat and same_berry > 0"
+            )
+        if not (0 <= self.side_views <= MOST_SIDE_VIEWS and 0 <= (self.least_ripeness or 0) <= 1):
+            raise ConfigurationError(
+                f"harvest: side_views must lie in 0…{MOST_SIDE_VIEWS} and least_ripeness in 0…1, got "
+                f"{self.side_views} and {self.least_ripeness}"
             )

@@ -33,8 +33,11 @@ class Order:
             self._parts.tell("does not find the berry again from there", None)
             return Phase.LOOK
         most = self._parts.config.most_attempts
-        if not rows or (most is not None and len(situation.run.attempts) >= most):
+        if most is not None and len(situation.run.attempts) >= most:
             return None
+        if not rows:
+            situation.side_view += 1
+            return Phase.LOOK if situation.side_view <= self._parts.config.side_views else None
         row, punnet = self._choose(rows, berries, len(situation.run.attempts) + 1)
         low, high = berries.weight_intervals[row]
         situation.attempt = Attempt(
@@ -46,14 +49,17 @@ class Order:
             estimate=float(berries.weights[row]),
             interval=(float(low), float(high)),
             meant_for=punnet,
-            second_view=situation.second_view_of is not None,
+            second_view=situation.second_view_of is not None or situation.side_view > 0,
         )
+        situation.side_view = 0
         return Phase.PLAN
 
     def _candidates(self, situation: Situation, frame: Frame, berries: Strawberries) -> list[int]:
         """Rows in the order to pick them; from a second view only the berry that it was turned to."""
         rows = [int(row) for row in order_of(self._parts.config.order)(frame, berries)]
         rows = [row for row in rows if situation.memory.may_try(berries.picking_points[row])]
+        least = self._parts.config.least_ripeness or 0.0
+        rows = [row for row in rows if not berries.ripeness[row] < least]
         place = situation.second_view_of
         if place is None:
             return rows

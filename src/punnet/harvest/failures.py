@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from enum import Enum, StrEnum
 
+from punnet.robot import TOO_THICK
+
 __all__ = ["Failure", "Recovery", "StepFailed"]
 
 
@@ -38,10 +40,12 @@ class Failure(Enum):
     NO_KINEMATICS = ("the arm can't follow", Recovery.OTHER_SIDE)
     UNSAFE = ("unsafe", Recovery.OTHER_SIDE)
     # Arm and tool
+    NOT_CONFIRMED = ("the berry is not seen again on the way", Recovery.SECOND_VIEW)
     HELD_UP = ("arm held up", Recovery.OTHER_SIDE)
     PRESSED = ("pressed on structure", Recovery.OTHER_SIDE)
     PUSHED_FRUIT = ("pushed a fruit", Recovery.OTHER_SIDE)
     NOT_ARRIVED = ("did not arrive", Recovery.OTHER_SIDE)
+    FRUIT_GRIPPED = (TOO_THICK, Recovery.OTHER_SIDE)
     NOT_GRIPPED = ("nothing between the pads", Recovery.OTHER_SIDE)
     NOT_CUT = ("the stem was not cut", Recovery.OTHER_SIDE)
     ROBOT_FAULT = ("the robot failed", Recovery.STOP)

@@ -139,6 +139,19 @@ class Motions:
         moved = projected(self._arm, path, poses)
         return moved if self._arm.within_limits(moved).all() else path
 
+    def raise_tool(self, height: float) -> MotionResult:
+        """Straight up by ``height`` metres, the tool as it is.
+
+        Raises
+        ------
+        KinematicsError
+            If the arm can't.
+        """
+        start = self._robot.joints()
+        poses = np.tile(self._arm.forward_kinematics(start), (8, 1, 1))
+        poses[:, 2, 3] += np.linspace(0.0, height, 8)
+        return self._through(follow_path(poses, start, arm=self._arm), self._config.careful_speed)
+
     def retreat(self) -> MotionResult:
         """Straight back out along the tool's axis."""
         start = self._robot.joints()

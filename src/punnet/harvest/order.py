@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from punnet.errors import ConfigurationError
 from punnet.geometry import invert_transform, make_transform
 from punnet.planning.approach import approach_rotation, comfortable_angles
-from punnet.planning.clearance import approach_directions, obstacles_among
+from punnet.planning.clearance import approach_directions, gaps, obstacles_among
 from punnet.robot import HOME, Panda
 from punnet.robot.projection import projected
 from punnet.scene import Frame, Strawberries
@@ -52,11 +52,15 @@ def cheapest_first(frame: Frame, berries: Strawberries) -> NDArray[np.int64]:
 
 
 def front_first(frame: Frame, berries: Strawberries) -> NDArray[np.int64]:
-    """Those that the picker can come at without touching another first, of these those in front, of these the lowest."""
+    """Those that have the fewest to be picked in their way first, of these those without anything in it, the front, the lowest.
+
+    The more is picked in front, the less there is to touch behind.
+    """
     points, rows = berries.picking_points, _candidates(berries)
     blocked = np.array([_room(frame, berries, int(row)) < _FREE for row in rows], dtype=np.bool_)
+    waiting_for = np.array([_in_the_way(frame, berries, int(row), rows) for row in rows], dtype=np.int64)
     front = np.floor(points[rows, 0] / _ROW_DEPTH)
-    return np.asarray(rows[np.lexsort((points[rows, 2], front, blocked))], dtype=np.int64)
+    return np.asarray(rows[np.lexsort((points[rows, 2], front, blocked, waiting_for))], dtype=np.int64)
 
 
 def left_to_right(frame: Frame, berries: Strawberries) -> NDArray[np.int64]:
@@ -135,6 +139,17 @@ def _room(frame: Frame, berries: Strawberries, row: int) -> float:
     """Clearance in metres of the best approach."""
     point = berries.picking_points[row]
     return approach_directions(point, obstacles_among(frame, berries, row))[1]
+
+
+def _in_the_way(frame: Frame, berries: Strawberries, row: int, rows: NDArray[np.int64]) -> int:
+    """How many of ``rows``, which are picked sooner or later, the picker would touch on the best approach to one."""
+    point, around = berries.picking_points[row], obstacles_among(frame, berries, row)
+    direction = approach_directions(point, around)[0][0]
+    yaw = np.arctan2(direction[1:2], direction[:1])
+    located = np.flatnonzero(np.isfinite(berries.picking_points).all(axis=1))
+    others = located[located != row]
+    touched = others[gaps(point, around, yaw)[0] < _FREE]
+    return int(np.isin(touched, rows).sum())
 
 
 def _reach(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from punnet.harvest.attempts import Attempt, Outcome, Phase
 from punnet.harvest.failures import Failure, StepFailed
 from punnet.harvest.situation import Parts, Situation, weighed
-from punnet.robot import MotionResult
+from punnet.robot import TOO_THICK, MotionResult
 
 __all__ = ["CUTTING", "GRIPPING", "Cut", "Grip", "Place", "Reach", "Separate", "Verify"]
 
@@ -21,6 +21,8 @@ CUTTING = "cuts the stem"
 EMPTY_PUNNET_NOISE = 1.0
 """Grams; a gain below this means that nothing fell in."""
 _LOOKS_DIFFER = 0.006  # metres between the points of two looks at a berry that hangs still
+_HIGHER = 0.009  # metres up the stem, where a fruit was between the pads
+_TIMES_HIGHER = 3  # if it is not sure where the berry hangs; else higher up there would be another's stem
 _TAKEN_AWAY = 5.0  # grams that a punnet can't lose by itself
 
 
@@ -39,16 +41,18 @@ class Reach:
         self._parts.tell(f"reaches for berry at x {x:.2f}, y {y:+.2f}, z {z:.2f} m", attempt)
         if self._parts.config.look_on_the_way > 0:
             _require(self._parts.motions.to_the_plant())
-            attempt.shift = self._shift(attempt)
+            attempt.shift = self._shift(attempt, situation.memory.at(attempt.picking_point).tries)
         result = self._parts.motions.go_in(attempt.shift)
         attempt.peak_force, attempt.touched = result.peak_force, result.touched
         _require(result)
         return Phase.SEPARATE
 
-    def _shift(self, attempt: Attempt) -> NDArray[np.float64]:
+    def _shift(self, attempt: Attempt, tries: int) -> NDArray[np.float64]:
         """How far (3,) from the planned point the tool has to go, by a look on the way; 0 where it can't tell.
 
-        Within what two looks differ by noise the first counts: nearer by, but from a slant, the second is no better.
+        Within what two looks differ by noise the first counts: nearer by, but from a slant, the second is no better. A
+        berry that is not seen again was mostly located badly, since others hide its top: at the first try it is left,
+        and seen from elsewhere later.
         """
         try:
             berries = self._parts.eyes.perceive(self._parts.eyes.look())
@@ -59,6 +63,9 @@ class Reach:
         offsets = offsets[np.isfinite(offsets).all(axis=1)]
         distances = np.linalg.norm(offsets, axis=1)
         if not len(offsets) or distances.min() > self._parts.config.same_berry:
+            attempt.confirmed = False
+            if tries == 0:
+                raise StepFailed(Failure.NOT_CONFIRMED)
             self._parts.tell("does not see the berry on the way, goes on as planned", attempt)
             return np.zeros(3)
         offset, distance = offsets[np.argmin(distances)], float(distances.min())
@@ -94,8 +101,15 @@ class Grip:
     def do(self, situation: Situation) -> Phase | None:
         """Close the pads."""
         grip = self._parts.robot.grip()
+        for _ in range(1 if situation.in_hand.confirmed else _TIMES_HIGHER):
+            if grip.reason != TOO_THICK:
+                break
+            self._parts.tell("has a fruit between the pads, grips higher", situation.in_hand)
+            _require(self._parts.motions.raise_tool(_HIGHER))
+            grip = self._parts.robot.grip()
         if not grip.holding:
-            raise StepFailed(Failure.NOT_GRIPPED, grip.reason or "")
+            reason = grip.reason or ""
+            raise StepFailed(Failure.from_reason(reason, Failure.NOT_GRIPPED), reason)
         return Phase.CUT
 
 
@@ -127,8 +141,8 @@ class Place:
     def do(self, situation: Situation) -> Phase | None:
         """Carry the berry; the arm is home afterwards, the tool empty."""
         attempt, motions, packer = situation.in_hand, self._parts.motions, self._parts.packer
-        moved = motions.retreat()
         self._parts.robot.separate(0.0)
+        moved = motions.retreat()
         punnet = attempt.meant_for = self._punnet(situation)
         self._parts.tell(f"carries it to punnet {punnet + 1}", attempt)
         if moved.reached:

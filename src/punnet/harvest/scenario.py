@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import TracebackType
 from typing import cast
 
@@ -29,10 +29,15 @@ from punnet.sim.structure import structure_boxes
 from punnet.sim.world import WorldConfig, build_world
 from punnet.weight.choosing import load_weight_estimator
 
-__all__ = ["ORACLE", "Scenario", "Session"]
+__all__ = ["LEAST_RIPENESS", "ORACLE", "Scenario", "Session"]
 
 ORACLE = "oracle"
 """The truth in place of a detector and a scale."""
+
+
+LEAST_RIPENESS = {SIMULATION_DETECTOR: 0.9}
+"""From which ripeness a detector's berries are picked: what it calls pluckable and less ripe than that was mostly unripe,
+partly hidden fruit on the plants that this was fitted on (suites ``clustered`` and ``occluded``, seed 501)."""
 
 
 @dataclass(frozen=True)
@@ -104,13 +109,16 @@ class Session:
         self.robot = SimulatedPanda(self.world, noise, StereoDepthModel(), camera)
         self.timed = TimedRobot(self.robot)
         """The robot as the harvester has it."""
+        settings = scenario.harvest
+        if settings.least_ripeness is None:
+            settings = replace(settings, least_ripeness=LEAST_RIPENESS.get(scenario.perception))
         self.harvester = Harvester(
             cast(Robot, self.timed),
             OracleDetector(self.robot) if detector is None else detector,
             scale,
             planner,
             PUNNET_PLACES,
-            scenario.harvest,
+            settings,
             self._listen,
             MotionGuard(structure=structure_boxes(self.world)),
         )

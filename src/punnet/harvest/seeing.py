@@ -10,14 +10,24 @@ from punnet.harvest.attempts import Phase
 from punnet.harvest.failures import Failure, StepFailed
 from punnet.harvest.memory import Place
 from punnet.harvest.situation import Parts, Situation
+from punnet.planning.approach import approach_rotation, comfortable_angles
 from punnet.planning.clearance import approach_directions, obstacles_among
 from punnet.scene import Frame, Strawberries
 
 __all__ = ["Look", "Perceive", "Weigh", "untried_directions"]
 
 
+SIDE_VIEWS = np.deg2rad(((-30.0, 0.0), (30.0, 0.0), (0.0, 15.0)))
+"""Yaw and pitch from the comfortable direction that the plant is looked at along, if nothing is left to be seen from home."""
+_USUAL_MIDDLE = np.array([0.74, -0.05, 0.74])
+
+
 class Look:
-    """A frame from home, or of one berry from where the tool would come in next."""
+    """A frame from home, of one berry from where the tool would come in next, or of the plant from its sides.
+
+    From the sides it is looked at when from home no berry is left that may be tried: what leaves hide from there
+    may show.
+    """
 
     phase = Phase.LOOK
 
@@ -31,12 +41,30 @@ class Look:
             return None
         situation.looks += 1
         situation.second_view_of = self._second_view(situation)
+        if situation.second_view_of is None and not self._side_view(situation):
+            return None
         try:
             situation.frame = self._parts.eyes.look()
         finally:
-            if situation.second_view_of is not None:
+            if situation.second_view_of is not None or situation.side_view > 0:
                 self._parts.motions.require_home()
         return Phase.PERCEIVE
+
+    def _side_view(self, situation: Situation) -> bool:
+        """Move to where the plant is to be seen from; False if there is no way to this view and those after it."""
+        while 0 < situation.side_view <= self._parts.config.side_views:
+            middle = _middle(situation)
+            yaw, pitch = comfortable_angles(middle)
+            turn, tilt = SIDE_VIEWS[situation.side_view - 1]
+            direction = approach_rotation(yaw + turn, pitch + tilt)[:, 2]
+            try:
+                if self._parts.motions.look_along(middle, direction).reached:
+                    self._parts.tell("looks at the plant from another side", None)
+                    return True
+            except KinematicsError:
+                pass
+            situation.side_view += 1
+        return situation.side_view == 0
 
     def _second_view(self, situation: Situation) -> Place | None:
         """Move to where a berry that was tried is to be seen from; None if there is none, or no way there."""
@@ -89,11 +117,23 @@ class Weigh:
         run = situation.run
         if run.first_frame is None:
             run.first_frame, run.first_berries = frame, berries
-        if situation.second_view_of is None:
+        if situation.second_view_of is None and situation.side_view == 0:
             run.last_berries = berries
         situation.in_vain = 0
         self._parts.tell(f"sees {len(berries)} berries, {int(berries.pluckable.sum())} pluckable", None)
         return Phase.ORDER
+
+
+def _middle(situation: Situation) -> NDArray[np.float64]:
+    """Middle (3,) of the berries seen so far and last, or of where plants are if there are none."""
+    seen = [
+        berries.picking_points
+        for berries in (situation.run.first_berries, situation.berries)
+        if berries is not None
+    ]
+    points = np.concatenate(seen) if seen else np.zeros((0, 3))
+    points = points[np.isfinite(points).all(axis=1)]
+    return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2.0) if len(points) else _USUAL_MIDDLE
 
 
 def untried_directions(frame: Frame, berries: Strawberries, place: Place) -> list[NDArray[np.float64]]:

@@ -42,7 +42,8 @@ class Situation:
     """What is known at the moment.
 
     ``frame`` and ``berries`` are of the last look; ``second_view_of`` is the place it was turned to, None if the plant was
-    looked at from home; ``attempt`` is the one in hand. ``looks`` counts them, ``in_vain`` those in a row that gave nothing.
+    looked at from home; ``attempt`` is the one in hand. ``looks`` counts them, ``in_vain`` those in a row that gave nothing;
+    ``side_view`` is the number of the view of the whole plant that comes next or was taken last, 0 from home.
     """
 
     memory: Memory
@@ -53,6 +54,7 @@ class Situation:
     attempt: Attempt | None = None
     looks: int = 0
     in_vain: int = 0
+    side_view: int = 0
 
     @property
     def seen(self) -> tuple[Frame, Strawberries]:

@@ -24,7 +24,7 @@ CHOICES: dict[str, Callable[[Planner], Planner]] = {
 """``mean``: the planner's own; ``clearest``: along the approach with most room; ``collision-aware``: of many the one that
 costs least in the observed scene."""
 
-DEFAULT_CHOICE = "clearest"
+DEFAULT_CHOICE = "collision-aware"
 
 
 def with_choice(planner: Planner, choice: str) -> Planner:

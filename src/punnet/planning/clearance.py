@@ -15,7 +15,7 @@ from punnet.errors import ShapeError
 from punnet.planning.approach import approach_rotation, comfortable_angles
 from punnet.scene import Frame, Strawberries
 
-__all__ = ["Obstacles", "approach_directions", "clearance", "obstacles_among"]
+__all__ = ["Obstacles", "approach_directions", "clearance", "gaps", "obstacles_among"]
 
 TOOL_LENGTH = 0.19
 """Metres of picker behind the grip point that pass through the plant."""
@@ -67,6 +67,11 @@ def clearance(
 
     ``point`` (3,) is where to grip. Infinity where nothing is in the way; a fruit's distance is that of its surface.
     """
+    return np.asarray(gaps(point, obstacles, yaws).min(axis=1, initial=np.inf))
+
+
+def gaps(point: NDArray[np.float64], obstacles: Obstacles, yaws: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same distance to each obstacle (Y, N)."""
     offset = obstacles.picking_points - point
     calyx = offset[:, 2] - 0.015  # picking points lie about this far above the calyx
     stem = (calyx < TOOL_ABOVE) & (calyx + STEM_LENGTH > -TOOL_BELOW)
@@ -76,7 +81,7 @@ def clearance(
     aside = np.abs(forward[:, :1] * offset[:, 1] - forward[:, 1:] * offset[:, 0])
     widths = np.where(fruit, obstacles.radii, 0.0)
     in_way = (stem | fruit) & (along > -TOOL_LENGTH - widths) & (along < 0.02 + widths)
-    return np.asarray(np.where(in_way, aside - widths, np.inf).min(axis=1, initial=np.inf), dtype=np.float64)
+    return np.asarray(np.where(in_way, aside - widths, np.inf), dtype=np.float64)
 
 
 def approach_directions(
@@ -88,8 +93,8 @@ def approach_directions(
     """
     yaw, pitch = comfortable_angles(point)
     yaws = float(yaw) + _YAW_OFFSETS
-    gaps = clearance(point, obstacles, yaws)
-    value = np.minimum(gaps, AMPLE) - _PER_RADIAN * np.abs(_YAW_OFFSETS)
+    room = clearance(point, obstacles, yaws)
+    value = np.minimum(room, AMPLE) - _PER_RADIAN * np.abs(_YAW_OFFSETS)
     order = np.argsort(-value, kind="stable")
     directions = approach_rotation(yaws[order], np.full(len(yaws), float(pitch)))[:, :, 2]
-    return directions, float(gaps[order[0]])
+    return directions, float(room[order[0]])

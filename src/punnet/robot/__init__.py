@@ -5,7 +5,7 @@ from punnet.robot.dry_run import DryRunRobot
 from punnet.robot.nearest import nearest_solution, nearest_solutions
 from punnet.robot.panda import HOME, JOINT_NAMES, PANDA_LIMITS, PANDA_TORQUE, Panda
 from punnet.robot.path import follow_path
-from punnet.robot.protocol import CutResult, GripResult, MotionResult, Robot
+from punnet.robot.protocol import TOO_THICK, CutResult, GripResult, MotionResult, Robot
 from punnet.robot.safety import GuardedRobot, MotionGuard
 from punnet.robot.tool import BLADE_ABOVE_GRIP, T_FLANGE_CAMERA, T_FLANGE_TOOL
 
@@ -15,6 +15,7 @@ __all__ = [
     "JOINT_NAMES",
     "PANDA_LIMITS",
     "PANDA_TORQUE",
+    "TOO_THICK",
     "T_FLANGE_CAMERA",
     "T_FLANGE_TOOL",
     "Boxes",

@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 from punnet.movement import JointTrajectory
 from punnet.scene import Frame
 
-__all__ = ["CutResult", "GripResult", "MotionResult", "Robot"]
+__all__ = ["TOO_THICK", "CutResult", "GripResult", "MotionResult", "Robot"]
+
+TOO_THICK = "something thicker than a stem between the pads"
+"""Reason of a grip that was not made firm, since a fruit is in it."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ class Robot(Protocol):
         ...
 
     def grip(self) -> GripResult:
-        """Close the grasping fingers."""
+        """Close the grasping fingers; gently, and open again with the reason :data:`TOO_THICK`, where it can tell a fruit."""
         ...
 
     def cut(self) -> CutResult:

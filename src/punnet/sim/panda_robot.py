@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from punnet.errors import RobotError
 from punnet.geometry import CameraIntrinsics
 from punnet.movement import JointTrajectory
-from punnet.robot import CutResult, GripResult, MotionResult, Panda
+from punnet.robot import TOO_THICK, CutResult, GripResult, MotionResult, Panda
 from punnet.robot.tool import T_FLANGE_CAMERA
 from punnet.scene import Frame
 from punnet.sim.arm import JOINT_NAMES, SERVO_LAG
@@ -36,6 +36,11 @@ _TRACKING_LIMIT = 0.12  # rad between where the arm is and should be: it is held
 _FINGER_TIME = 0.45
 _BLADE_TIME = 0.25
 _HOLDING_GAP = 0.0008  # pads closer than this hold nothing
+_THICKEST_STEMS = 0.008  # pads farther apart than this hold a fruit
+_GENTLE = 0.0006  # metres that each pad's target leads it by while it closes: less than a newton
+_GENTLE_TIME = 2.0
+_STANDS_STILL = 0.4  # of the speed that it had: something is in its way
+_FIRM_TIME = 0.2
 _WEIGH_NOISE = 0.1  # grams, one standard deviation of the weigh cell
 _SETTLE_TIME = 0.4
 
@@ -163,12 +168,34 @@ class SimulatedPanda:
         self._move_fingers({"separate_left": angle, "separate_right": angle}, _FINGER_TIME)
 
     def grip(self) -> GripResult:
-        """Close the grasping fingers; holding is judged by the gap that is left between the pads."""
-        self._move_fingers({"grasp_left": -0.004, "grasp_right": -0.004}, _FINGER_TIME)
+        """Close the grasping fingers, gently first: pads that stay apart have a fruit between them, and open again.
+
+        Holding is judged by the gap that is left when they have closed with force.
+        """
+        self._close_gently()
         gap = self._pad_gap()
-        if gap > _HOLDING_GAP:
-            return GripResult(True, gap)
-        return GripResult(False, gap, "nothing between the pads")
+        if gap > _THICKEST_STEMS:
+            self.release()
+            return GripResult(False, gap, TOO_THICK)
+        self._move_fingers({"grasp_left": -0.004, "grasp_right": -0.004}, _FIRM_TIME)
+        return self.holding()
+
+    def _close_gently(self) -> None:
+        """Pads towards each other until both are held up, or as near to each other as stems are thick."""
+        model, data = self.world.model, self.world.data
+        names = ("grasp_left", "grasp_right")
+        ids = [model.actuator(name).id for name in names]
+        at = [int(model.joint(name).qposadr[0]) for name in names]
+        dofs = [int(model.joint(name).dofadr[0]) for name in names]
+        fastest = 0.0
+        for _ in range(round(_GENTLE_TIME / TIME_STEP)):
+            data.ctrl[ids] = data.qpos[at] - _GENTLE
+            self._step()
+            speed = -float(data.qvel[dofs].min())
+            fastest = max(fastest, speed)
+            if self._pad_gap() < _THICKEST_STEMS or speed < _STANDS_STILL * fastest:
+                break
+        data.ctrl[ids] = data.qpos[at]
 
     def holding(self) -> GripResult:
         """Whether the pads still hold something, without moving them."""
