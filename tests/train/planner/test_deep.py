@@ -73,6 +73,17 @@ def test_movements_are_learnt(reaches: Reaches, tmp_path: Path) -> None:
     assert fitted.name == "cvae-joint"
 
 
+def test_latents_may_be_drawn(reaches: Reaches, tmp_path: Path) -> None:
+    config = PlannerConfig(kind="cvae", space="joint", tuned=False, sampled_latents=True, **SHORT)
+    fitted = fit_deep_promp(config, reaches, seed=0, folder=tmp_path / "a", progress=lambda line: None)
+    again = fit_deep_promp(config, reaches, seed=0, folder=tmp_path / "b", progress=lambda line: None)
+    np.testing.assert_array_equal(fitted.predict(reaches).mean, again.predict(reaches).mean)
+    losses = fitted.curves["movements"]
+    assert losses[-1] < 0.5 * losses[0]
+    with pytest.raises(ConfigurationError, match="variational encoder"):
+        PlannerConfig(kind="ae", sampled_latents=True)
+
+
 def test_a_damaged_checkpoint_is_said(reaches: Reaches, tmp_path: Path) -> None:
     config = PlannerConfig(kind="ae", space="joint", **SHORT)
     folder = tmp_path / "reconstruction-plain"

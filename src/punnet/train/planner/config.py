@@ -40,6 +40,8 @@ class PlannerConfig:
         Adam's; the tuning's own, since a high one throws the encoder off what the MLPs know.
     reconstruction_epochs, epochs, tuning_epochs
         Of tr-1, tr-2 and the tuning.
+    sampled_latents
+        Show the MLPs latent vectors drawn from the variational encoder's distribution, not its mean: they learn less by heart.
     batch, mlp_batch
         Photographs a step of what sees pictures, and of tr-2 on cached encodings.
     schedule_factor, schedule_patience
@@ -57,6 +59,7 @@ class PlannerConfig:
     reconstruction_epochs: int = 250
     epochs: int = 3000
     tuning_epochs: int = 250
+    sampled_latents: bool = False
     batch: int = 16
     mlp_batch: int = 50
     schedule_factor: float = 0.99
@@ -75,6 +78,10 @@ class PlannerConfig:
         object.__setattr__(self, "trunk", tuple(tuple(pair) for pair in self.trunk))
         if len(self.trunk) not in (1, 7) or any(len(pair) != 2 or min(pair) < 1 for pair in self.trunk):
             raise ConfigurationError(f"planner: trunk must be one or seven pairs of widths, got {self.trunk}")
+        if self.sampled_latents and not self.variational:
+            raise ConfigurationError(
+                f"planner: sampled_latents needs a variational encoder, which {self.kind} has not"
+            )
         for item in dataclasses.fields(self):
             value = getattr(self, item.name)
             if isinstance(value, bool) or not isinstance(value, int | float):

@@ -137,7 +137,7 @@ def fit_deep_promp(
     curves[RECONSTRUCTION] = _reconstruct(network, seen, seed, shared or folder, title, progress)
     curves[MOVEMENTS] = run_stage(
         MovementStage(network, seed, phi),
-        (_encodings(network, reaches), centres, *labels),
+        (_shown(network, reaches), centres, *labels),
         name=f"{title}, movements",
         epochs=config.epochs,
         batch=config.mlp_batch,
@@ -183,6 +183,16 @@ def block_diagonal(mean: NDArray[np.float64], blocks: NDArray[np.float64]) -> Mo
     degrees = np.arange(D)
     whole[:, degrees, :, degrees, :] = blocks.transpose(1, 0, 2, 3)
     return Movements(mean, whole.reshape(N, D * B, D * B))
+
+
+@torch.no_grad()
+def _shown(network: DeepProMP, reaches: Reaches) -> Tensor:
+    """What the MLPs learn from: (P, 256) encodings, or (P, 2, 256) mean and log variance to draw them from."""
+    if not network.config.sampled_latents:
+        return _encodings(network, reaches)
+    network.eval()
+    parts = torch.split(torch.from_numpy(reaches.pictures), BATCH)
+    return torch.cat([torch.stack(network.encoder.distribution(as_input(rows)), dim=1) for rows in parts])
 
 
 @torch.no_grad()

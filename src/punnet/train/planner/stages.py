@@ -112,7 +112,8 @@ class ReconstructionStage(Stage):
 class MovementStage(Stage):
     """tr-2: the MLPs learn movements; batches are (latents, centres, means, covariances).
 
-    Where pictures come in place of latents the encoder learns too: the model ``direct``.
+    Where pictures come in place of latents the encoder learns too: the model ``direct``. Latents of (N, 2, 256) are means
+    and logarithms of variances, and are drawn from at each step.
     """
 
     phi: Tensor
@@ -129,7 +130,10 @@ class MovementStage(Stage):
     def loss(self, batch: tuple[Tensor, ...]) -> Tensor:
         """Eq. 5.13, summed over the degrees of freedom, which have nothing in common."""
         seen, centres, mean, covariance = batch
-        latent = self.network.encoder(as_input(seen)) if self.direct else seen
+        if self.direct:
+            latent = self.network.encoder(as_input(seen))
+        else:
+            latent = sampled(seen[:, 0], seen[:, 1]) if seen.ndim == 3 else seen
         found, factor = self.network.heads(latent, centres)
         return movement_loss(found, factor, mean, covariance, self.phi, self.settings.alpha).sum()
 
