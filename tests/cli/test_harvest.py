@@ -111,3 +111,16 @@ def test_interrupted_benchmark_gives_the_figures_of_what_is_done(
         assert "2 of 5 plants" in result.err
     else:
         assert "nothing was finished" in result.err
+
+
+def test_a_dry_run_writes_motions_only(punnet, tmp_path: Path) -> None:
+    command = ("harvest", "--robot", "dry-run", "--suite", "easy", "--seed", "3", "--oracle")
+    result = punnet(*command, "--out", tmp_path / "dry", "--json")
+    assert result.code == 0, result.err
+    told = json.loads(result.out)
+    assert told["berries"]
+    assert (tmp_path / "dry" / told["trajectories"][0]).is_file()
+    assert {path.suffix for path in (tmp_path / "dry").iterdir()} == {".json", ".jsonl"}
+    punnet(*command, "--out", tmp_path / "dry").fails_with("exists", "--force")
+    punnet(*command, "--pick", "1", "--out", tmp_path / "other").fails_with("dry-run")
+    punnet("harvest", "--robot", "ur5e", "--out", tmp_path / "other").fails_with("no 'ur5e'", "dry-run")

@@ -9,6 +9,7 @@ import pytest
 from punnet.errors import OutputExistsError, RobotError, ShapeError
 from punnet.harvest.config import HarvestConfig
 from punnet.harvest.loop import Harvester
+from punnet.harvest.rehearsal import rehearse
 from punnet.harvest.scenario import Scenario, Session
 from punnet.movement import JointTrajectory
 from punnet.planning import ProMPDepthPlanner
@@ -74,3 +75,13 @@ def test_bad_joints_are_named(tmp_path):
         DryRunRobot(tmp_path / "a", no_camera, [0.0, np.nan])
     with pytest.raises(RobotError, match="seven joints"):
         DryRunRobot(tmp_path / "b", no_camera).follow(JointTrajectory(np.array([0.0, 1.0]), np.zeros((2, 6))))
+
+
+def test_a_harvest_is_rehearsed_into_a_folder(tmp_path):
+    rehearsal = rehearse(Scenario(6, "oracle", WorldConfig(arm_visuals=False)), tmp_path)
+    assert rehearsal.run.stopped is None
+    assert len(rehearsal.run.attempts) >= 2
+    assert sorted(path.name for path in tmp_path.glob("*-trajectory.json")) == list(rehearsal.trajectories)
+    told = json.loads(json.dumps(rehearsal.to_json()))
+    assert all(berry["punnet"] in (1, 2) for berry in told["berries"])
+    assert rehearsal.seconds > 5.0

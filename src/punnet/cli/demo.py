@@ -81,6 +81,13 @@ def harvest(
             show_default=False,
         ),
     ] = None,
+    robot: Annotated[
+        str,
+        typer.Option(
+            "--robot",
+            help="simulated, or dry-run: nothing moves, each motion is written as a JointTrajectory file.",
+        ),
+    ] = "simulated",
     resume: Annotated[
         bool,
         typer.Option("--resume", help="Go on with a harvest that was killed or interrupted in this folder."),
@@ -95,6 +102,11 @@ def harvest(
     What is done is on the disk at once (harvest.jsonl): after a kill, --resume goes on with the berry that was in
     flight, and no berry counts twice.
     """
+    if robot not in ("simulated", "dry-run"):
+        raise ConfigurationError(f"--robot: there is no '{robot}'; there are simulated and dry-run")
+    dry = robot == "dry-run"
+    if dry and (pick or resume):
+        raise ConfigurationError("--robot dry-run writes files and has no attempts to look at or go on with")
     if resume:
         from punnet.harvest.folder import options_of
 
@@ -112,6 +124,9 @@ def harvest(
             "pick": pick,
         }
         options |= {name: value for name, value in others.items() if value}
+    if dry:
+        _rehearse(options, out, force=force, as_json=as_json)
+        return
     report = _harvest(options, out, force=force, resume=resume)
     if as_json:
         print_json({"out": str(out), **report.to_json()})
@@ -139,6 +154,32 @@ def _harvest(options: dict[str, Any], out: Path, *, force: bool = False, resume:
             f"picks.parquet was not written, it needs pyarrow: {PARQUET_EXTRA}; harvest.jsonl has the same rows"
         )
     return report
+
+
+def _rehearse(options: dict[str, Any], out: Path, *, force: bool, as_json: bool) -> None:
+    """The harvest that ``options`` say, as files."""
+    import json
+
+    from punnet.harvest.rehearsal import rehearse
+    from punnet.harvest.scenario import Scenario
+    from punnet.outputs import OutputFolder, write_text
+
+    with OutputFolder(out, force=force) as output:
+        whisper(f"growing the plant of seed {options['seed']}")
+        rehearsal = rehearse(Scenario(**options), output.path, lambda line, attempt: whisper(line))
+        told = rehearsal.to_json()
+        write_text(output.path / "harvest.json", json.dumps({"options": options, **told}, indent=2) + "\n")
+    if as_json:
+        print_json({"out": str(out), **told})
+        return
+    say(
+        f"{len(rehearsal.trajectories)} motions for {len(told['berries'])} berries, {rehearsal.seconds:.0f} s:"
+    )
+    for number, berry in enumerate(told["berries"], 1):
+        place = ", ".join(f"{value:.3f}" for value in berry["picking_point"])
+        fate = f"to punnet {berry['punnet']}" if berry["punnet"] else f"not; {berry['reason']}"
+        say(f"  berry {number} at ({place}) m, {berry['estimate_g']:.1f} g: {fate}")
+    say(f"look at {out / 'actions.jsonl'} and the trajectories beside it; nothing has moved")
 
 
 def _tell(report: Any, out: Path) -> None:

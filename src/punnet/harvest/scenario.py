@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from types import TracebackType
 from typing import cast
@@ -20,6 +21,7 @@ from punnet.perception.choosing import SIMULATION_DETECTOR
 from punnet.planning.choice import DEFAULT_CHOICE, with_choice
 from punnet.planning.named import DEFAULT_PLANNER, planner_named
 from punnet.robot import MotionGuard, Robot
+from punnet.scene import Frame
 from punnet.sim.camera_effects import NIGHT_CAMERA
 from punnet.sim.depth_sensor import StereoDepthModel
 from punnet.sim.oracle import OracleDetector, OracleScale
@@ -87,9 +89,24 @@ class Scenario:
 
 
 class Session:
-    """A scenario that has been built; a context manager, since it holds a renderer."""
+    """A scenario that has been built; a context manager, since it holds a renderer.
 
-    def __init__(self, scenario: Scenario, listener: Listener | None = None) -> None:
+    Parameters
+    ----------
+    scenario
+        What to build.
+    listener
+        Told of each step.
+    stand_in
+        Makes of the simulated camera the robot that is told what to do, in place of the simulated one.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        listener: Listener | None = None,
+        stand_in: Callable[[Callable[[], Frame]], Robot] | None = None,
+    ) -> None:
         self.scenario = scenario
         self._listener = listener
         self.truth_of: dict[int, float] = {}
@@ -113,7 +130,7 @@ class Session:
         if settings.least_ripeness is None:
             settings = replace(settings, least_ripeness=LEAST_RIPENESS.get(scenario.perception))
         self.harvester = Harvester(
-            cast(Robot, self.timed),
+            cast(Robot, self.timed) if stand_in is None else stand_in(self.robot.look),
             OracleDetector(self.robot) if detector is None else detector,
             scale,
             planner,
