@@ -1,8 +1,8 @@
 """What a weight estimator says of labelled berries, one row a berry: the input of `punnet benchmark packing`.
 
-    python benchmarks/weight_pairs.py simulated/test --estimator ellipsoid --out pairs.csv
+    python benchmarks/weight_pairs.py simulated --masks sim-fast --out pairs.csv
 
-True masks; ripe berries with a weight. A berry that the estimator refuses has no estimate in its row.
+Ripe berries with a weight. A berry that the estimator refuses, or the detector misses, has no estimate in its row.
 """
 
 from __future__ import annotations
@@ -16,8 +16,10 @@ import numpy as np
 
 from punnet.data.formats import read_dataset
 from punnet.outputs import write_text
+from punnet.perception.choosing import load_detector
 from punnet.weight.choosing import load_weight_estimator
 from punnet.weight.evaluation import weigh_samples
+from punnet.weight.sample_split import PARTS, images_of_part
 from punnet.weight.samples import collect_samples
 
 COLUMNS = ("true_g", "estimate_g", "low_g", "high_g")
@@ -31,11 +33,17 @@ def main() -> None:
     parser.add_argument(
         "--estimator", help="ellipsoid, a bundle's name or its folder; what is shipped without it"
     )
+    parser.add_argument("--masks", help="a detector; the true masks without it")
+    parser.add_argument(
+        "--part", default="all", choices=PARTS, help="plants of the set, as punnet evaluate weight has them"
+    )
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--force", action="store_true")
     arguments = parser.parse_args()
     estimator = load_weight_estimator(arguments.estimator)
-    samples = collect_samples(read_dataset(arguments.data))
+    detector = None if arguments.masks is None else load_detector(arguments.masks)
+    images = images_of_part(read_dataset(arguments.data), arguments.part)
+    samples = collect_samples(images, detector=detector)
     estimates = weigh_samples(estimator, samples)
     table = np.column_stack((samples.grams, estimates.grams, estimates.intervals))
     missed = np.full((len(samples.missed), 4), np.nan)
