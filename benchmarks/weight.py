@@ -10,7 +10,8 @@ Twelve berries in a 640×480 frame 0.4 m away, drawn with the depth camera's err
   vector is the thesis', the forest is grown on random numbers: what it says does not count here. The interpreter given
   by --open3d runs it; make it an environment of its own (`pip install open3d scikit-learn`; needs libusb-1.0-0).
 
-Both run on one core and take turns; the median counts. Stages of ours are timed apart.
+Both run on one core and take turns; processor time counts, so that a busy machine does not, and of it the median. Stages of
+ours are timed apart.
 """
 
 from __future__ import annotations
@@ -68,9 +69,9 @@ def frame():
 
 print("ready", flush=True)
 for line in sys.stdin:
-    begin = time.perf_counter()
+    begin = time.process_time()
     frame()
-    print(time.perf_counter() - begin, flush=True)
+    print(time.process_time() - begin, flush=True)
 """
 
 
@@ -143,7 +144,7 @@ class Peer:
         return line
 
     def seconds(self) -> float:
-        """What weighing the frame once took."""
+        """Processor time that weighing the frame once took."""
         assert self._process.stdin is not None
         self._process.stdin.write("again\n")
         self._process.stdin.flush()
@@ -155,21 +156,21 @@ class Peer:
 
 
 def seconds_of(estimator: WeightEstimator, frame: Frame, berries: Strawberries) -> float:
-    begin = time.perf_counter()
+    begin = time.process_time()
     estimator.estimate(frame, berries)
-    return time.perf_counter() - begin
+    return time.process_time() - begin
 
 
 def stages(estimator: WeightEstimator, frame: Frame, berries: Strawberries, rounds: int) -> dict[str, float]:
     """Median milliseconds a berry of observing and of the features."""
     times: dict[str, list[float]] = {"observe": [], "features": []}
     for _ in range(rounds):
-        begin = time.perf_counter()
+        begin = time.process_time()
         seen = [berry for berry in observe(frame, berries) if not isinstance(berry, str)]
-        middle = time.perf_counter()
+        middle = time.process_time()
         if isinstance(estimator, LearnedWeightEstimator):
             feature_matrix(seen, estimator.settings.feature_groups)
-            times["features"].append((time.perf_counter() - middle) / len(berries))
+            times["features"].append((time.process_time() - middle) / len(berries))
         times["observe"].append((middle - begin) / len(berries))
     return {name: 1000 * float(np.median(values)) for name, values in times.items() if values}
 
@@ -216,7 +217,7 @@ def report(figures: dict[str, object]) -> None:
     assert isinstance(a_frame, dict)
     assert isinstance(a_berry, dict)
     assert isinstance(ratios, dict)
-    print(f"{figures['berries']} berries, 640×480, one core, median:")
+    print(f"{figures['berries']} berries, 640×480, one core, median processor time:")
     for name, value in a_frame.items():
         within = "" if name.startswith("Open3D") else f"; limit {LIMIT_MILLISECONDS} ms a berry"
         print(
