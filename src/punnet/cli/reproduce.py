@@ -9,6 +9,7 @@ import typer
 
 from punnet.cli.console import note, print_json, progress_bar, say
 from punnet.cli.options import Json
+from punnet.cli.reproduce_planner import register_planner
 from punnet.cli.reproduce_weight import fig_4_12
 from punnet.errors import ConfigurationError
 
@@ -36,6 +37,7 @@ def register(app: typer.Typer) -> None:
     group.command("fig-4-12", epilog="Example: punnet reproduce fig-4-12 --data dataset-1 --out fig-4-12")(
         fig_4_12
     )
+    register_planner(group)
     app.add_typer(group, name="reproduce")
 
 
