@@ -118,7 +118,8 @@ class FeatureNetworks:
         return self.mean + self.spread * told / len(self.layers)
 
     def _seen(self, X: NDArray[np.float32]) -> NDArray[np.float32]:
-        return np.clip((X - self.middle) / self.scale, -_INPUT_LIMIT, _INPUT_LIMIT).astype(np.float32)
+        scaled = (X - self.middle) / self.scale
+        return np.asarray(np.clip(scaled, -_INPUT_LIMIT, _INPUT_LIMIT), dtype=np.float32)
 
 
 def network_nodes(

@@ -135,10 +135,10 @@ def fit(
         partial(_spread_trees, config, seed), everything, size, groups, folds=config.folds, seed=seed
     )
     interval = conformal_quantiles(residuals, np.exp(expected), COVERAGE)
-    for name, chosen in _sources(everything, config.groups).items():
-        scores = residuals[chosen] / np.exp(expected[chosen])
+    for name, source in _sources(everything, config.groups).items():
+        scores = residuals[source] / np.exp(expected[source])
         held = 100.0 * float(np.mean((interval.low <= scores) & (scores <= interval.high)))
-        progress(f"shape: intervals hold {held:.1f}% of {chosen.sum()} {name} berries of plants left out")
+        progress(f"shape: intervals hold {held:.1f}% of {source.sum()} {name} berries of plants left out")
     progress("shape: trees and networks on all that is not set aside for the test")
     both = _Both(config, leaves, seed).fit(everything, wanted)
     spread = _spread_trees(config, seed).fit(everything, size)
