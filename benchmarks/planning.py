@@ -100,7 +100,7 @@ class Work:
     def ours(self) -> Callable[[], float]:
         """One pass over the photographs; the encodings' computing is part of the first."""
         heads = self.network.heads
-        adam = torch.optim.Adam(heads.parameters(), lr=RATE, foreach=True)
+        adam = torch.optim.Adam(heads.parameters(), lr=RATE, fused=True)
         with torch.no_grad():
             latents = torch.cat(
                 [self.network.encoder(as_input(self.pictures[rows])) for rows in self.batches]
@@ -122,7 +122,7 @@ class Work:
         """One pass over the photographs for each degree of freedom."""
         encoder: Encoder = self.network.encoder
         networks = [OneMLP(self.network.heads.heads[0], degree) for degree in range(DEGREES)]
-        optimisers = [torch.optim.Adam(network.parameters(), lr=RATE) for network in networks]
+        optimisers = [torch.optim.Adam(network.parameters(), lr=RATE, fused=True) for network in networks]
 
         def epoch() -> float:
             for degree, (network, adam) in enumerate(zip(networks, optimisers, strict=True)):

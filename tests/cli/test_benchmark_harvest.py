@@ -52,7 +52,7 @@ def test_a_suite_is_harvested_and_kept(punnet, tmp_path, one_plant):
     figures = json.loads(punnet(*command, "--json").out)
     assert (figures["suite"], figures["suite_version"], figures["seed"]) == ("night", 1, 0)
     assert figures["success"]["hits"] == 1
-    assert (figures["planner"], figures["planner_bundle"]) == ("promp-depth", None)
+    assert (figures["planner"], figures["planner_bundle"]) == ("fused", None)
     assert figures["missed"] == {"grip: nothing between the pads": 1}
     punnet(*command, "--choice", "mean").fails_with("begun with choice 'collision-aware'", "--force")
 

@@ -55,7 +55,9 @@ DetectorName = Annotated[
 PlannerName = Annotated[
     str | None,
     typer.Option(
-        "--planner", help="What plans the reaches: promp-depth, deep-promp or fused.", show_default=False
+        "--planner",
+        help="What plans the reaches: promp-depth, deep-promp or fused (default).",
+        show_default=False,
     ),
 ]
 RgbFile = Annotated[Path, typer.Option("--rgb", help="Photograph, PNG or JPEG.", show_default=False)]

@@ -51,7 +51,7 @@ def plan(
         typer.Option(
             "--planner",
             help="promp-depth, deep-promp or fused; or a learned planner's bundle or run, used as deep-promp. Without it "
-            "promp-depth where there is depth, deep-promp where there is none.",
+            "fused where there is depth, deep-promp where there is none.",
             show_default=False,
         ),
     ] = None,
@@ -145,9 +145,9 @@ def plan(
 
 def _planner(name: str | None, bundle: str | None, *, has_depth: bool, arm: Panda) -> Planner:
     """The planner of that name, or of that bundle or run."""
-    from punnet.planning.named import PLANNERS, planner_named
+    from punnet.planning.named import DEFAULT_PLANNER, PLANNERS, planner_named
 
-    name = name or ("promp-depth" if has_depth else "deep-promp")
+    name = name or (DEFAULT_PLANNER if has_depth else "deep-promp")
     if name != "deep-promp" and name in PLANNERS and not has_depth:
         raise ConfigurationError(f"--planner {name} needs --depth and --camera; deep-promp needs neither")
     if name in PLANNERS:

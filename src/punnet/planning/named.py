@@ -24,7 +24,7 @@ PLANNERS: dict[str, Maker] = {
 """``promp-depth``: demonstrated reaches conditioned on the berry's place; ``deep-promp``: a reach told from one colour
 photograph; ``fused``: that, conditioned on the berry's place."""
 
-DEFAULT_PLANNER = "promp-depth"
+DEFAULT_PLANNER = "fused"
 
 
 def planner_named(name: str, *, arm: Panda | None = None, bundle: str | Path | None = None) -> Planner:

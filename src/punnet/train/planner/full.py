@@ -136,7 +136,7 @@ def fit_full(config: FullConfig, reaches: Reaches) -> FullPrediction:
             f"{len(set(reaches.groups))}"
         )
     movements, functions = reaches.movements(config.space), reaches.basis.count
-    H = np.kron(np.eye(DEGREES), reaches.basis.phi([1.0]))
+    H = np.asarray(np.kron(np.eye(DEGREES), reaches.basis.phi([1.0])), dtype=np.float64)
     ends = movements.mean.reshape(M, -1) @ H.T
     features = _polynomial(_centres(target_boxes(reaches)))
     folds = fold_numbers(reaches.groups, FOLDS)

@@ -80,11 +80,11 @@ def from_keras_arrays(arrays: Mapping[str, Any]) -> tuple[Encoder, Decoder | Non
     decoder = Decoder()
     _fill(decoder.dense, outwards[0], "dense")
     convolutions = [module for module in decoder.blocks if isinstance(module, nn.ConvTranspose2d)]
-    for module, layer in zip(convolutions, kinds["transposed"], strict=True):
-        _fill(module, layer, "transposed")
+    for module, transposed in zip(convolutions, kinds["transposed"], strict=True):
+        _fill(module, transposed, "transposed")
     norms = [module for module in decoder.blocks if isinstance(module, nn.BatchNorm2d)]
-    for module, layer in zip(norms, kinds["norm"][3:], strict=True):
-        _normalise(module, layer)
+    for norm, normalisation in zip(norms, kinds["norm"][3:], strict=True):
+        _normalise(norm, normalisation)
     return encoder.eval(), decoder.eval()
 
 

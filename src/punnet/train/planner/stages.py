@@ -82,7 +82,7 @@ class Stage(lightning.LightningModule):
     def configure_optimizers(self) -> Any:
         """Adam, its rate lowered by a plateau schedule."""
         settings = self.settings
-        optimizer = torch.optim.Adam(self.trained(), lr=self.rate, foreach=True)
+        optimizer = torch.optim.Adam(self.trained(), lr=self.rate, fused=True)
         schedule = torch.optim.lr_scheduler.ReduceLROnPlateau(
             optimizer, factor=settings.schedule_factor, patience=settings.schedule_patience
         )
