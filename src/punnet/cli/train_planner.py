@@ -9,7 +9,7 @@ import typer
 
 from punnet.cli.console import note, print_json, say, whisper
 from punnet.cli.options import Json, Seed, SpaceName
-from punnet.cli.train_weight import need_training, read_settings
+from punnet.cli.train_weight import need_training
 from punnet.errors import FileFormatError
 
 if TYPE_CHECKING:
@@ -84,9 +84,10 @@ def planner(
     need_training()
     from punnet.train.planner.fitting import planner_config
     from punnet.train.planner.training import train_planners
+    from punnet.train.runs import read_object
 
     kinds = kind or ["full"]
-    changes = {} if config is None else read_settings(config)
+    changes = {} if config is None else read_object(config)
     configs = [
         planner_config(
             name,

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,7 +16,7 @@ from punnet.errors import ConfigurationError, FileFormatError
 if TYPE_CHECKING:
     from punnet.weight.samples import WeightSamples
 
-__all__ = ["collect", "need_training", "read_settings", "register_weight"]
+__all__ = ["collect", "need_training", "register_weight"]
 
 
 def register_weight(group: typer.Typer) -> None:
@@ -75,11 +74,12 @@ def weight(
 ) -> None:
     """Train a weight model and measure it on plants that it has not seen."""
     need_training()
+    from punnet.train.runs import read_object
     from punnet.train.weight.registry import model_spec
     from punnet.train.weight.training import read_config, train_weight_model
 
     spec = model_spec(model)
-    changes = (dict(spec.quick) if quick else {}) | ({} if config is None else read_settings(config))
+    changes = (dict(spec.quick) if quick else {}) | ({} if config is None else read_object(config))
     settings = read_config(spec, changes)
     samples = collect(data)
     run = train_weight_model(
@@ -144,14 +144,3 @@ def need_training() -> None:
         raise ConfigurationError(
             f"training needs {', '.join(missing)}: {sys.executable} -m pip install 'punnet[train]'"
         )
-
-
-def read_settings(path: Path) -> dict[str, Any]:
-    """A JSON object of settings from a file."""
-    try:
-        settings = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise FileFormatError(f"{path}: not readable as JSON ({error})") from error
-    if not isinstance(settings, dict):
-        raise FileFormatError(f"{path}: a JSON object of settings is needed")
-    return settings

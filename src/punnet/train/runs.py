@@ -13,8 +13,19 @@ from punnet.outputs import write_text
 __all__ = ["as_json", "claim_run", "read_object"]
 
 
-def claim_run(folder: Path, file: str, settings: Mapping[str, Any]) -> None:
+def claim_run(folder: Path, file: str, settings: Mapping[str, Any], *, what: str) -> None:
     """Make the folder the run of these settings, or find that it is; parents are made.
+
+    Parameters
+    ----------
+    folder
+        Of the run.
+    file
+        In it, for the settings.
+    settings
+        Plain JSON.
+    what
+        To call such a run in messages.
 
     Raises
     ------
@@ -23,7 +34,7 @@ def claim_run(folder: Path, file: str, settings: Mapping[str, Any]) -> None:
     """
     if folder.is_dir() and any(folder.iterdir()):
         if not (folder / file).is_file():
-            raise OutputExistsError(f"{folder}: exists and holds no run of this kind; give another folder")
+            raise OutputExistsError(f"{folder}: exists and holds no {what}; give another folder")
         found = read_object(folder / file)
         if other := [name for name in settings if settings[name] != found.get(name)]:
             raise OutputExistsError(

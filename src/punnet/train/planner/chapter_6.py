@@ -155,7 +155,7 @@ def train_chapter(
         "learnt": _told(learnt),
         "unseen": _told(unseen),
     }
-    claim_run(folder, RUN_FILE, settings)
+    claim_run(folder, RUN_FILE, settings, what="networks of chapter 6")
     jobs = [
         (learnt, unseen, folder, seed, kinds, quick, progress)
         for seed in seeds

@@ -103,7 +103,7 @@ def train_planners(
         raise ConfigurationError(f"planner: each planner once, got {', '.join(names) or 'none'}")
     reaches = reaches_from(demonstrations)
     settings = _settings(configs, reaches, data, seed, 0 if unlabelled is None else len(unlabelled))
-    claim_run(folder, RUN_FILE, settings)
+    claim_run(folder, RUN_FILE, settings, what="planner's run")
     if (folder / RESULTS_FILE).is_file():
         progress(f"{folder}: trained already, with these settings")
         return load_planner_run(folder)

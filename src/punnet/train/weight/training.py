@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,10 +9,11 @@ from typing import Any
 
 import punnet
 from punnet.data.dataset import Dataset
-from punnet.errors import ConfigurationError, FileFormatError, OutputExistsError
+from punnet.errors import ConfigurationError, FileFormatError
 from punnet.outputs import write_text
 from punnet.perception.detector import Detector
 from punnet.train.detector.config import config_from_json, config_to_json
+from punnet.train.runs import as_json, claim_run, read_object
 from punnet.train.weight.registry import FittedWeightModel, ModelSpec, Tell, model_spec
 from punnet.weight.evaluation import evaluate_weights, weigh_samples
 from punnet.weight.sample_split import TEST_SHARE, VALIDATION_SHARE, WeightSplit, split_groups
@@ -144,7 +144,7 @@ def train_weight_model(
     settings = _settings(spec, config, parts, seed) | {"data": list(data), "extra": list(extra_data)}
     if detected:
         settings["masks"] = list(tested)
-    _claim(folder, settings)
+    claim_run(folder, RUN_FILE, settings, what="weight run")
     if (folder / RESULTS_FILE).is_file():
         progress(f"{folder}: {spec.name} is trained already, with these settings")
         return load_run(folder)
@@ -165,7 +165,7 @@ def train_weight_model(
         for masks, seen in tested.items()
         for name, part in (("validation", seen.validation), ("test", seen.test))
     }
-    write_text(folder / RESULTS_FILE, _json(results), force=True)
+    write_text(folder / RESULTS_FILE, as_json(results), force=True)
     if not any((folder / WORK_FOLDER).iterdir()):
         (folder / WORK_FOLDER).rmdir()
     return load_run(folder)
@@ -179,12 +179,12 @@ def load_run(folder: Path) -> WeightRun:
     FileFormatError
         If the folder holds none, or it was stopped before its end.
     """
-    settings = _read(folder / RUN_FILE)
+    settings = read_object(folder / RUN_FILE)
     if settings.get("schema") != SCHEMA:
         raise FileFormatError(f"{folder / RUN_FILE}: not the settings of a weight run ({SCHEMA})")
     if not (folder / RESULTS_FILE).is_file():
         raise FileFormatError(f"{folder}: this run was stopped; start it again, it goes on where it was")
-    return WeightRun(folder, model_spec(settings["model"]), settings, _read(folder / RESULTS_FILE))
+    return WeightRun(folder, model_spec(settings["model"]), settings, read_object(folder / RESULTS_FILE))
 
 
 def is_weight_run(folder: Path) -> bool:
@@ -228,31 +228,3 @@ def _settings(spec: ModelSpec, config: Any, parts: WeightSplit, seed: int) -> di
         "plants": {name: len(set(part.groups)) for name, part in named},
         "refused": {name: len(part.missed) for name, part in named},
     }
-
-
-def _claim(folder: Path, settings: dict[str, Any]) -> None:
-    """Make the folder this run's, or find that it is."""
-    if folder.is_dir() and any(folder.iterdir()):
-        if not is_weight_run(folder):
-            raise OutputExistsError(f"{folder}: exists and holds no weight run; give another folder")
-        found = _read(folder / RUN_FILE)
-        if other := [name for name in settings if settings[name] != found.get(name)]:
-            raise OutputExistsError(
-                f"{folder}: holds a run with other {', '.join(other)}; give another folder, or the same settings"
-            )
-        return
-    write_text(folder / RUN_FILE, _json(settings))
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise FileFormatError(f"{path}: not readable as JSON ({error})") from error
-    if not isinstance(data, dict):
-        raise FileFormatError(f"{path}: a JSON object is needed")
-    return data
-
-
-def _json(data: Any) -> str:
-    return json.dumps(data, indent=1, allow_nan=False) + "\n"
