@@ -12,9 +12,11 @@ import pytest
 pytest.importorskip("sklearn")
 pytest.importorskip("torch")
 
+from punnet.data.demos import DemonstrationSet
 from punnet.data.demos.punnet_writer import write_punnet_folder
 from punnet.movement import JointTrajectory
 from punnet.robot import HOME, Panda
+from punnet.train.planner import chapter_6
 
 
 @pytest.fixture(scope="module")
@@ -154,3 +156,39 @@ def test_what_plan_refuses(punnet, reach_run: Path, photograph, tmp_path: Path) 
     punnet("plan", "--rgb", path, "--target", box, "--planner", tmp_path / "no").fails_with(
         "neither a folder nor"
     )
+
+
+def test_chapter_6_from_one_set_of_networks(
+    punnet, reach_demonstrations, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        chapter_6,
+        "QUICK",
+        {"reconstruction_epochs": 1, "epochs": 2, "tuning_epochs": 1, "trunk": [[8, 8]], "batch": 30},
+    )
+    for name, plants in (("learnt", ("plant 0", "plant 1", "plant 2")), ("unseen", ("plant 3", "plant 4"))):
+        chosen = tuple(episode for episode in reach_demonstrations if episode.group in plants)
+        write_punnet_folder(DemonstrationSet(chosen, name=name), tmp_path / name)
+    options = (
+        "--data",
+        tmp_path / "learnt",
+        "--unseen",
+        tmp_path / "unseen",
+        "--runs",
+        tmp_path / "runs",
+        "--quick",
+    )
+    first = punnet("reproduce", "table-6-3", *options)
+    assert first.code == 0, first.err
+    assert "| cvae-task |" in first.out
+    assert "/ 0.02" in first.out
+    assert "6 targets on plants not seen" in first.err
+    again = punnet("reproduce", "table-6-1", *options, "--json")
+    assert again.code == 0, again.err
+    assert "epoch" not in again.err  # trained already
+    assert json.loads(again.out)["settings"]
+    drawn = punnet("reproduce", "fig-6-9", *options)
+    assert drawn.code == 0, drawn.err
+    assert cv2.imread(drawn.out.split()[-1]) is not None
+    same = (*options[:2], "--unseen", tmp_path / "learnt", "--runs", tmp_path / "other", "--quick")
+    punnet("reproduce", "table-6-3", *same).fails_with("plant 0")
