@@ -10,7 +10,7 @@ from typing import Any
 from punnet.errors import FileFormatError, OutputExistsError
 from punnet.outputs import write_text
 
-__all__ = ["as_json", "claim_run", "read_object"]
+__all__ = ["as_json", "claim_run", "finished_run", "read_object"]
 
 
 def claim_run(folder: Path, file: str, settings: Mapping[str, Any], *, what: str) -> None:
@@ -42,6 +42,35 @@ def claim_run(folder: Path, file: str, settings: Mapping[str, Any], *, what: str
             )
         return
     write_text(folder / file, as_json(settings))
+
+
+def finished_run(
+    folder: Path, file: str, results: str, *, schema: str, what: str
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Settings and results of a run that came to its end.
+
+    Parameters
+    ----------
+    folder
+        Of the run.
+    file, results
+        In it: of the settings, and what is written last.
+    schema
+        That the settings have to be of.
+    what
+        To call such a run in messages.
+
+    Raises
+    ------
+    FileFormatError
+        If the folder holds no such run, or it was stopped before its end.
+    """
+    settings = read_object(folder / file)
+    if settings.get("schema") != schema:
+        raise FileFormatError(f"{folder / file}: not the settings of a {what} ({schema})")
+    if not (folder / results).is_file():
+        raise FileFormatError(f"{folder}: this run was stopped; start it again, it goes on where it was")
+    return settings, read_object(folder / results)
 
 
 def read_object(path: Path) -> dict[str, Any]:

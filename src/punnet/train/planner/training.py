@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import punnet
 from punnet.bundle import Manifest, load_bundle, write_bundle
 from punnet.data.demos import DemonstrationSet
-from punnet.errors import ConfigurationError, FileFormatError
+from punnet.errors import ConfigurationError
 from punnet.movement import TrajectoryDistribution
 from punnet.outputs import write_text
 from punnet.planning.learned import PLANNER_FILE, BoxCamera, PlannerSettings
@@ -27,13 +27,13 @@ from punnet.train.planner.deep import DeepPrediction
 from punnet.train.planner.export import export_planner
 from punnet.train.planner.fitting import AnyConfig, fit_planner
 from punnet.train.planner.full import FullPrediction
-from punnet.train.runs import as_json, claim_run, read_object
+from punnet.train.runs import as_json, claim_run, finished_run
 
 __all__ = ["PlannerRun", "bundle_planner_run", "demonstrated_joints", "is_planner_run", "train_planners"]
 
 RUN_FILE, RESULTS_FILE = "planner-run.json", "results.json"
 BUNDLE_FOLDER, WORK_FOLDER = "bundle", "work"
-SCHEMA = "punnet-planner-run/1"
+SCHEMA, WHAT = "punnet-planner-run/1", "planner's run"
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def train_planners(
         raise ConfigurationError(f"planner: each planner once, got {', '.join(names) or 'none'}")
     reaches = reaches_from(demonstrations)
     settings = _settings(configs, reaches, data, seed, 0 if unlabelled is None else len(unlabelled))
-    claim_run(folder, RUN_FILE, settings, what="planner's run")
+    claim_run(folder, RUN_FILE, settings, what=WHAT)
     if (folder / RESULTS_FILE).is_file():
         progress(f"{folder}: trained already, with these settings")
         return load_planner_run(folder)
@@ -134,12 +134,8 @@ def load_planner_run(folder: Path) -> PlannerRun:
     FileFormatError
         If the folder holds none, or it was stopped before its end.
     """
-    settings = read_object(folder / RUN_FILE)
-    if settings.get("schema") != SCHEMA:
-        raise FileFormatError(f"{folder / RUN_FILE}: not the settings of a planner's run ({SCHEMA})")
-    if not (folder / RESULTS_FILE).is_file():
-        raise FileFormatError(f"{folder}: this run was stopped; start it again, it goes on where it was")
-    return PlannerRun(folder, settings, read_object(folder / RESULTS_FILE))
+    settings, results = finished_run(folder, RUN_FILE, RESULTS_FILE, schema=SCHEMA, what=WHAT)
+    return PlannerRun(folder, settings, results)
 
 
 def is_planner_run(folder: Path) -> bool:

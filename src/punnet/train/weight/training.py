@@ -9,11 +9,11 @@ from typing import Any
 
 import punnet
 from punnet.data.dataset import Dataset
-from punnet.errors import ConfigurationError, FileFormatError
+from punnet.errors import ConfigurationError
 from punnet.outputs import write_text
 from punnet.perception.detector import Detector
 from punnet.train.detector.config import config_from_json, config_to_json
-from punnet.train.runs import as_json, claim_run, read_object
+from punnet.train.runs import as_json, claim_run, finished_run
 from punnet.train.weight.registry import FittedWeightModel, ModelSpec, Tell, model_spec
 from punnet.weight.evaluation import evaluate_weights, weigh_samples
 from punnet.weight.sample_split import TEST_SHARE, VALIDATION_SHARE, WeightSplit, split_groups
@@ -34,7 +34,7 @@ RUN_FILE = "run.json"
 RESULTS_FILE = "results.json"
 MODEL_FOLDER, WORK_FOLDER = "model", "work"
 TRUTH = "truth"
-SCHEMA = "punnet-weight-run/1"
+SCHEMA, WHAT = "punnet-weight-run/1", "weight run"
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ def train_weight_model(
     settings = _settings(spec, config, parts, seed) | {"data": list(data), "extra": list(extra_data)}
     if detected:
         settings["masks"] = list(tested)
-    claim_run(folder, RUN_FILE, settings, what="weight run")
+    claim_run(folder, RUN_FILE, settings, what=WHAT)
     if (folder / RESULTS_FILE).is_file():
         progress(f"{folder}: {spec.name} is trained already, with these settings")
         return load_run(folder)
@@ -179,12 +179,8 @@ def load_run(folder: Path) -> WeightRun:
     FileFormatError
         If the folder holds none, or it was stopped before its end.
     """
-    settings = read_object(folder / RUN_FILE)
-    if settings.get("schema") != SCHEMA:
-        raise FileFormatError(f"{folder / RUN_FILE}: not the settings of a weight run ({SCHEMA})")
-    if not (folder / RESULTS_FILE).is_file():
-        raise FileFormatError(f"{folder}: this run was stopped; start it again, it goes on where it was")
-    return WeightRun(folder, model_spec(settings["model"]), settings, read_object(folder / RESULTS_FILE))
+    settings, results = finished_run(folder, RUN_FILE, RESULTS_FILE, schema=SCHEMA, what=WHAT)
+    return WeightRun(folder, model_spec(settings["model"]), settings, results)
 
 
 def is_weight_run(folder: Path) -> bool:
