@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from punnet.weight.completion import complete_outline, trace_contour
+from punnet.weight.silhouette import near_something_nearer
 
 
 def tapered(length: float, width: float, taper: float = 0.15, points: int = 48) -> np.ndarray:
@@ -58,23 +59,24 @@ def disc(shape: tuple[int, int], middle: tuple[int, int], radius: int) -> np.nda
 def test_a_contour_is_covered_where_something_nearer_begins_and_in_notches() -> None:
     mask = disc((120, 120), (60, 60), 30)
     depth = np.where(mask, 0.4, 0.6).astype(np.float32)
-    pixels, covered = trace_contour(depth, mask, 0.39)
+    pixels, covered = trace_contour(mask, near_something_nearer(depth, mask, 0.39))
     assert not covered.any()
     np.testing.assert_allclose(np.hypot(*(pixels - 60.0).T), 30.0, atol=1.0)
     leaf = depth.copy()
     leaf[75:] = 0.3
     shown = mask.copy()
     shown[75:] = False
-    pixels, covered = trace_contour(leaf, shown, 0.39)
+    pixels, covered = trace_contour(shown, near_something_nearer(leaf, shown, 0.39))
     assert covered[pixels[:, 1] == 74].all()
     assert not covered[pixels[:, 1] < 65].any()
     bitten = mask & ~disc((120, 120), (60, 100), 20)  # a neighbour, as near
-    pixels, covered = trace_contour(depth, bitten, 0.39)
+    pixels, covered = trace_contour(bitten, near_something_nearer(depth, bitten, 0.39))
     assert covered[(np.abs(pixels[:, 1] - 60.0) < 5) & (pixels[:, 0] > 60)].all()
     assert not covered[pixels[:, 0] < 60].any()
 
 
 def test_the_picture_s_border_covers() -> None:
     mask = disc((100, 100), (50, 95), 25)
-    _, covered = trace_contour(np.full((100, 100), 0.4, np.float32), mask, 0.39)
+    near = near_something_nearer(np.full((100, 100), 0.4, np.float32), mask, 0.39)
+    _, covered = trace_contour(mask, near)
     assert 0.1 < covered.mean() < 0.6

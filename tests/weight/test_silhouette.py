@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from punnet.weight import hidden_share, measure_silhouette
-from punnet.weight.silhouette import tidy_mask
+from punnet.weight.silhouette import near_something_nearer, tidy_mask
 from tests.weight.scenes import D435I, ellipsoid_scene
 
 
@@ -62,9 +62,10 @@ def test_hidden_share_counts_only_what_is_nearer() -> None:
     depth = np.full((100, 100), 0.5, dtype=np.float32)
     mask = np.zeros((100, 100), dtype=bool)
     mask[30:70, 30:70] = True
-    assert hidden_share(depth, mask, 0.4) == 0.0
+    assert hidden_share(mask, near_something_nearer(depth, mask, 0.4)) == 0.0
     depth[:, 70:] = 0.3
-    assert hidden_share(depth, mask, 0.4) == pytest.approx(0.25, abs=0.05)
+    assert hidden_share(mask, near_something_nearer(depth, mask, 0.4)) == pytest.approx(0.25, abs=0.05)
     mask[:, :] = False
     mask[30:70, :40] = True  # cut by the picture's border
-    assert hidden_share(np.full_like(depth, 0.5), mask, 0.4) == pytest.approx(0.25, abs=0.06)
+    near = near_something_nearer(np.full_like(depth, 0.5), mask, 0.4)
+    assert hidden_share(mask, near) == pytest.approx(0.25, abs=0.06)

@@ -8,7 +8,16 @@ from numpy.typing import NDArray
 
 from punnet.geometry import CameraIntrinsics, cloud_from_depth
 
-__all__ = ["LAYER_GAP", "LEAST_POINTS", "berry_points", "depth_layer", "least_squares", "relief_height"]
+__all__ = [
+    "LAYER_GAP",
+    "LEAST_POINTS",
+    "berry_points",
+    "depth_layer",
+    "least_squares",
+    "median",
+    "relief_height",
+    "solve_normal",
+]
 
 LAYER_GAP = 0.012
 """Metres without a reading that part one thing from what is behind it (a berry's own points lie closer)."""
@@ -80,15 +89,24 @@ def _on_surface(cloud: NDArray[np.float64]) -> NDArray[np.bool_]:
     kept = np.ones(len(cloud), dtype=np.bool_)
     if len(cloud) < _LEAST_RELIEF_POINTS:
         return kept
-    middle = np.median(cloud, axis=0)
+    middle = np.array([median(column) for column in cloud.T])
     size = max(float(np.ptp(cloud[:, :2], axis=0).max()), 1e-9)
     x, y, z = (cloud - middle).T / size
-    design = np.column_stack((np.ones_like(x), x, y, x * x, x * y, y * y))
+    design = np.stack((np.ones_like(x), x, y, x * x, x * y, y * y)).T
     for _ in range(2):
-        residual = np.abs(z - design @ least_squares(design[kept], z[kept]))
-        limit = max(_OUTLIER_SPREADS * 1.4826 * float(np.median(residual[kept])), _SMALLEST_OUTLIER / size)
+        some = design if kept.all() else design[kept]
+        residual = np.abs(z - design @ least_squares(some, z[kept]))
+        limit = max(_OUTLIER_SPREADS * 1.4826 * median(residual[kept]), _SMALLEST_OUTLIER / size)
         kept = residual <= limit
     return np.asarray(kept)
+
+
+def median(values: NDArray[np.floating]) -> float:
+    """Median of one or more numbers (N,); several times quicker than NumPy's for the few thousand of a berry."""
+    half = len(values) // 2
+    if len(values) % 2:
+        return float(np.partition(values, half)[half])
+    return float(np.partition(values, (half - 1, half))[half - 1 : half + 1].mean())
 
 
 def relief_height(points: NDArray[np.float64], dome: NDArray[np.float64]) -> float:
@@ -111,10 +129,10 @@ def relief_height(points: NDArray[np.float64], dome: NDArray[np.float64]) -> flo
     if len(points) < _LEAST_RELIEF_POINTS:
         return float("nan")
     x, y, z = points.T
-    design = np.column_stack((np.ones_like(x), x - x.mean(), y - y.mean(), -dome))
-    scale = np.maximum(np.abs(design).max(axis=0), 1e-12)
-    solution = least_squares(design / scale, z - z.mean()) / scale
-    return float(solution[3])
+    rows = np.stack((np.ones_like(x), x - x.mean(), y - y.mean(), -dome))
+    scale = np.maximum(np.abs(rows).max(axis=1), 1e-12)
+    rows /= scale[:, None]
+    return float(least_squares(rows.T, z - z.mean())[3] / scale[3])
 
 
 def least_squares(design: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -123,6 +141,12 @@ def least_squares(design: NDArray[np.float64], target: NDArray[np.float64]) -> N
     By normal equations: of a few smooth columns that is exact enough, and forty times quicker than an orthogonal
     decomposition. Columns that say the same share what they explain.
     """
-    normal = design.T @ design
-    normal[np.diag_indices_from(normal)] += _REGULARISATION * len(target)
-    return np.asarray(np.linalg.solve(normal, design.T @ target), dtype=np.float64)
+    return solve_normal(design.T @ design, design.T @ target, len(target))
+
+
+def solve_normal(
+    normal: NDArray[np.float64], projected: NDArray[np.float64], count: int
+) -> NDArray[np.float64]:
+    """The same from ``designᵀ design`` (K, K) and ``designᵀ target`` (K,) of ``count`` points."""
+    held = normal + _REGULARISATION * count * np.eye(len(normal))
+    return np.asarray(np.linalg.solve(held, projected), dtype=np.float64)

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 __all__ = ["Completion", "complete_outline", "trace_contour"]
 
 _MOST_POINTS = 48
-_RING = 3
 _NOTCH = (2.0, 0.04)
 """Pixels, and share of the mask's diameter, by which an outline lies inside its hull where a neighbour covers it."""
 _EDGE_NOISE = 0.0012
@@ -29,6 +28,7 @@ _SPREAD = np.array((0.012, 0.012, 0.22, 0.12, 0.12, 0.25))
 """Of the middle about the outline's (m), ln half length (m), ln width / length, taper, turn of the axis (rad)."""
 _MOST_CHANGE = np.array((0.01, 0.01, 0.4, 0.3, 0.2, 0.4))
 _DIFFERENCE = np.array((1e-5, 1e-5, 1e-4, 1e-4, 1e-4, 1e-4))
+_NEIGHBOURS = np.concatenate((np.zeros((1, 6)), np.diag(_DIFFERENCE)))
 _ROUNDS = 12
 _NARROWEST = 0.2
 
@@ -75,19 +75,16 @@ class Completion:
 
 
 def trace_contour(
-    depth: NDArray[np.float32], mask: NDArray[np.bool_], nearer_than: float
+    mask: NDArray[np.bool_], near: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Pixels (K, 2) along the outline of a mask (H, W) of one piece, and whether the berry goes on behind each (K,).
 
-    It does where something nearer than ``nearer_than`` metres begins, at the picture's border, and in notches.
+    It does where something nearer is ``near`` (:func:`~punnet.weight.silhouette.near_something_nearer`), and in notches.
     """
     contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     whole = max(contours, key=len)[:, 0, :]
     pixels = whole[:: max(1, math.ceil(len(whole) / _MOST_POINTS))]
-    padded = np.pad(mask, _RING)
-    nearer = np.pad((depth > 0) & (depth < nearer_than), _RING, constant_values=True) & ~padded
-    reach = cv2.dilate(nearer.astype(np.uint8), np.ones((2 * _RING + 1, 2 * _RING + 1), np.uint8)) > 0
-    covered = reach[pixels[:, 1] + _RING, pixels[:, 0] + _RING]
+    covered = near[pixels[:, 1], pixels[:, 0]]
     notch = _depth_inside(cv2.convexHull(whole)[:, 0, :].astype(np.float64), pixels.astype(np.float64))
     deepest = max(_NOTCH[0], _NOTCH[1] * math.sqrt(float(mask.sum())))
     return pixels.astype(np.float64), np.asarray(covered | (notch > deepest))
@@ -114,23 +111,25 @@ def complete_outline(
         edges = _distance(settings, points, covered) / noise
         return np.concatenate((edges, (settings - mean) / _SPREAD), axis=1)
 
+    # A place is looked at together with its neighbours, which tell the slope if the search goes on from there.
     settings, damping = start, 1e-3
-    residual = off(settings[None])[0]
+    looked = off(settings + _NEIGHBOURS)
+    residual, slope = looked[0], (looked[1:] - looked[0]) / _DIFFERENCE[:, None]
     cost = float(residual @ residual)
     for _ in range(_ROUNDS):
-        slope = (off(settings + np.diag(_DIFFERENCE)) - residual) / _DIFFERENCE[:, None]
         normal, gradient = slope @ slope.T, slope @ residual
         step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -gradient)
         tried = settings + np.clip(step, -_MOST_CHANGE, _MOST_CHANGE)
-        there = off(tried[None])[0]
-        reached = float(there @ there)
+        looked = off(tried + _NEIGHBOURS)
+        reached = float(looked[0] @ looked[0])
         if reached >= cost:
             damping *= 5.0
             continue
         settled = cost - reached < 1e-3 * cost
-        settings, residual, cost, damping = tried, there, reached, max(0.3 * damping, 1e-5)
+        settings, residual, cost, damping = tried, looked[0], reached, max(0.3 * damping, 1e-5)
         if settled:
             break
+        slope = (looked[1:] - residual) / _DIFFERENCE[:, None]
     return _described(settings, np.linalg.inv(normal), residual[: len(points)] * noise, covered)
 
 

@@ -128,7 +128,7 @@ def _histogram(berry: BerryObservation) -> dict[str, float]:
     Steps are of fixed size and counted from the berry, so that the shares tell its shape wherever it hangs; the
     distance is where they begin.
     """
-    ranges = np.linalg.norm(berry.cloud, axis=1)
+    ranges = berry.ranges
     position = int(_NEAREST_SHARE * len(ranges))
     nearest = float(np.partition(ranges, position)[position])
     bins = np.clip(((ranges - nearest) / _BIN_DEPTH).astype(np.int64), 0, _BINS - 1)

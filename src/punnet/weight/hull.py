@@ -17,6 +17,8 @@ from punnet.errors import ShapeError
 
 __all__ = ["HullComponents", "hull_components"]
 
+_FLAT = 1e-5
+"""Thickness over extent from which on it is left to Qhull whether points have a hull."""
 _MOST_LAYERED = 8
 """Points a layer from which it pays to look at layers one by one."""
 
@@ -62,16 +64,20 @@ def hull_components(
     if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
         raise ShapeError(f"hull: need finite points (P, 3), got {points.shape}")
     try:
-        points = _candidates(points) if len(points) else points
-        hull = ConvexHull((points - points[:1]) @ (np.eye(3) if R_view_camera is None else R_view_camera.T))
+        turn = np.eye(3) if R_view_camera is None else R_view_camera.T
+        turned = (_candidates(points) - points[:1]) @ turn if len(points) > 3 else points
+        # Moving points by rounding errors is half the work of merging the facets of a layer; flat ones it would hide.
+        hull = ConvexHull(turned, qhull_options="Qt" if _is_flat(turned) else "QJ")
     except (QhullError, ValueError) as error:
         raise ShapeError(f"hull: {len(points)} points have none, they are too few or flat") from error
     triangles = hull.points[hull.simplices]
     a, b, c = (triangles[:, corner] for corner in range(3))
-    weight = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
+    p, q = (b - a).T, (c - a).T
+    normals = np.stack((p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]))
+    weight = np.sqrt(np.einsum("ij,ij->j", normals, normals)) / 2.0
     total = a + b + c
     centre = weight @ total / 3.0 / weight.sum()
-    second = sum(np.einsum("i,ij,ik->jk", weight, part, part) for part in (a, b, c, total))
+    second = sum((part.T * weight) @ part for part in (a, b, c, total))
     spread = np.asarray(second) / (12.0 * weight.sum()) - np.outer(centre, centre)
     variances, vectors = np.linalg.eigh(spread)
     directions = vectors.T[::-1]
@@ -80,6 +86,14 @@ def hull_components(
     extents = np.ptp(hull.points[hull.vertices] @ directions.T, axis=0)
     deviations = np.sqrt(np.clip(variances[::-1], 0.0, None))
     return HullComponents(directions, deviations, extents, float(hull.area), float(hull.volume))
+
+
+def _is_flat(points: NDArray[np.float64]) -> bool:
+    if len(points) < 4:
+        return True
+    centred = points - points.mean(axis=0)
+    thinnest, _, widest = np.linalg.eigvalsh(centred.T @ centred)
+    return bool(thinnest <= _FLAT**2 * widest)
 
 
 def _candidates(points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,14 +10,28 @@ import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from punnet.geometry import CameraIntrinsics
 from punnet.scene import KEYPOINTS, Frame, Strawberries, Visibility
-from punnet.weight.cloud import LAYER_GAP, LEAST_POINTS, berry_points, depth_layer, relief_height
+from punnet.weight.cloud import (
+    LAYER_GAP,
+    LEAST_POINTS,
+    berry_points,
+    depth_layer,
+    median,
+    relief_height,
+)
 from punnet.weight.completion import trace_contour
-from punnet.weight.silhouette import Silhouette, hidden_share, measure_silhouette, tidy_mask
+from punnet.weight.silhouette import (
+    Silhouette,
+    hidden_share,
+    measure_silhouette,
+    near_something_nearer,
+    tidy_mask,
+)
 
 __all__ = ["LEAST_PIXELS", "RANGE_LIMITS", "BerryObservation", "observe"]
 
@@ -110,8 +124,12 @@ class BerryObservation:
         A ball of radius R whose middle is D away is seen under the half-angle α with sin α = R / D, and half of
         what shows of it is nearer than D − R/√2: D = m / (1 − sin α / √2). The outline's area stands for R.
         """
-        median = float(np.median(np.linalg.norm(self.cloud, axis=1)))
-        return median / (1.0 - _MEDIAN_RANGE * self._sine)
+        return median(self.ranges) / (1.0 - _MEDIAN_RANGE * self._sine)
+
+    @cached_property
+    def ranges(self) -> NDArray[np.float64]:
+        """(P,) metres from the camera to the points of the cloud."""
+        return np.asarray(np.sqrt(np.einsum("ij,ij->i", self.cloud, self.cloud)))
 
     @cached_property
     def scale(self) -> float:
@@ -129,8 +147,9 @@ class BerryObservation:
     def view(self) -> NDArray[np.float64]:
         """The cloud (P, 3) as seen straight on: x, y across the line of sight to the berry, and the range; metres."""
         turned = self.cloud @ self.outline.R_view_camera.T
-        across = turned[:, :2] / turned[:, 2:] * self.scale
-        return np.column_stack((across, np.linalg.norm(self.cloud, axis=1)))
+        turned[:, :2] *= (self.scale / turned[:, 2])[:, None]
+        turned[:, 2] = self.ranges
+        return turned
 
     @cached_property
     def relief(self) -> float:
@@ -172,8 +191,9 @@ def _observe_one(frame: Frame, berries: Strawberries, index: int) -> BerryObserv
     own = tidy_mask(mask & ~other)
     if own.sum() < LEAST_PIXELS:
         raise _NotWeighableError("the mask shows hardly anything of the depth of the berry")
-    before = float(np.median(points[:, 2])) - _DEPTH_NOISE
-    contour, covered = trace_contour(depth, own, before)
+    before = median(points[:, 2]) - _DEPTH_NOISE
+    near = near_something_nearer(depth, own, before)
+    contour, covered = trace_contour(own, near)
     keypoints, visibility = _keypoints(berries, index)
     inner = _box(own, margin=0)
     outer = (_shifted(inner[0], window[0].start), _shifted(inner[1], window[1].start))
@@ -188,7 +208,7 @@ def _observe_one(frame: Frame, berries: Strawberries, index: int) -> BerryObserv
         keypoints=keypoints,
         visibility=visibility,
         ripeness=float(berries.ripeness[index]),
-        hidden=hidden_share(depth, own, before),
+        hidden=hidden_share(own, near),
         contour=contour + np.array((window[1].start, window[0].start)),
         covered=covered,
         score=float(berries.scores[index]),
@@ -209,7 +229,7 @@ def _inputs(
     mask = berries.masks[index]
     if mask.shape != frame.depth.shape:
         raise _NotWeighableError(f"the mask is {mask.shape}, the depth {frame.depth.shape}")
-    pixels = int(mask.sum())
+    pixels = int(np.count_nonzero(mask))
     if pixels == 0:
         raise _NotWeighableError("the mask is empty")
     if pixels < LEAST_PIXELS:
@@ -221,15 +241,15 @@ def _check_readings(depth: NDArray[np.float32], mask: NDArray[np.bool_]) -> None
     readings = depth[mask & (depth > 0)]
     if not readings.size:
         raise _NotWeighableError("no depth reading on the berry")
-    median = float(np.median(readings))
+    typical = median(readings)
     low, high = RANGE_LIMITS
-    if median > _MILLIMETRES_FROM:
+    if typical > _MILLIMETRES_FROM:
         raise _NotWeighableError(
-            f"depth of {median:.0f} m: is it in millimetres? A frame's depth is in metres"
+            f"depth of {typical:.0f} m: is it in millimetres? A frame's depth is in metres"
         )
-    if not low <= median <= high:
+    if not low <= typical <= high:
         raise _NotWeighableError(
-            f"depth of {median:.3g} m is not within {low}…{high} m; check the depth's unit (depth_scale)"
+            f"depth of {typical:.3g} m is not within {low}…{high} m; check the depth's unit (depth_scale)"
         )
 
 
@@ -252,10 +272,10 @@ def _keypoints(berries: Strawberries, index: int) -> tuple[NDArray[np.float64], 
 
 
 def _box(mask: NDArray[np.bool_], *, margin: int) -> tuple[slice, slice]:
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    left, top, width, height = cv2.boundingRect(np.ascontiguousarray(mask).view(np.uint8))
     return (
-        slice(max(0, int(rows[0]) - margin), min(mask.shape[0], int(rows[-1]) + 1 + margin)),
-        slice(max(0, int(columns[0]) - margin), min(mask.shape[1], int(columns[-1]) + 1 + margin)),
+        slice(max(0, top - margin), min(mask.shape[0], top + height + margin)),
+        slice(max(0, left - margin), min(mask.shape[1], left + width + margin)),
     )
 
 

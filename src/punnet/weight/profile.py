@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
-from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
 from punnet.scene import KEYPOINTS
-from punnet.weight.cloud import least_squares
+from punnet.weight.cloud import solve_normal
 from punnet.weight.observation import BerryObservation
 
 __all__ = ["STATIONS", "SURFACE_TERMS", "BerryProfile", "BerryRelief", "measure_profile", "measure_relief"]
@@ -67,17 +67,17 @@ class BerryProfile:
     stem_length: float
     stem_bend: float
 
-    @property
+    @cached_property
     def begin(self) -> float:
         """Where the completed outline begins along the axis."""
         return float(self.completed[:, 0].min())
 
-    @property
+    @cached_property
     def length(self) -> float:
         """Of the completed outline along the axis."""
         return float(np.ptp(self.completed[:, 0]))
 
-    @property
+    @cached_property
     def width(self) -> float:
         """Of the completed outline across the axis."""
         return float(np.ptp(self.completed[:, 1]))
@@ -216,20 +216,23 @@ def measure_relief(berry: BerryObservation, profile: BerryProfile) -> BerryRelie
     half = np.maximum(np.interp(along, grid, (high - low) / 2.0), _NARROWEST)
     dome = np.sqrt(np.clip(half**2 - (across - middle) ** 2, 0.0, None))
     x, y = (across - across.mean()) / width, (along - along.mean()) / length
-    one, rise = np.ones_like(x), dome / width
-    design = np.column_stack((one, y, x, -rise))
-    straight = least_squares(design, depth)
-    residual = float(np.sqrt(np.mean((depth - design @ straight) ** 2)))
-    bent = least_squares(np.column_stack((design, y * y)), depth)
-    paraboloid = least_squares(np.column_stack((one, y, x, x * x, y * y, x * y)), depth)
+    # All fits share columns, and so their normal equations: ones, along, across, −dome / width, and the squares.
+    columns = np.stack((np.ones_like(x), y, x, dome / -width, y * y, x * x, x * y))
+    normal, projected = columns @ columns.T, columns @ depth
+
+    def fitted(*chosen: int) -> NDArray[np.float64]:
+        return solve_normal(normal[np.ix_(chosen, chosen)], projected[list(chosen)], len(depth))
+
+    straight, bent, paraboloid = fitted(0, 1, 2, 3), fitted(0, 1, 2, 3, 4), fitted(0, 1, 2, 5, 4, 6)
+    residual = float(np.sqrt(np.mean((depth - straight @ columns[:4]) ** 2)))
     patches = max(1.0, len(depth) / _PIXELS_A_PATCH)
     deviation = _DISPARITY_NOISE * float(turned[:, 2].mean()) ** 2 / math.sqrt(patches)
     noise = deviation / max(float(dome.std()), 1e-4)
     aspect = float(straight[3]) / width
     believed = _believed(aspect, noise)
     # With the bulge held at what is believed, the plane through the middle follows.
-    lifted = depth + math.exp(believed) * dome
-    plane = least_squares(np.column_stack((one, y, x)), lifted)
+    lifted = projected[:3] - math.exp(believed) * width * normal[:3, 3]
+    plane = solve_normal(normal[:3, :3], lifted, len(depth))
     centre = np.array((begin + length / 2.0, 0.0)) - (along.mean(), across.mean())
     middle_depth = plane[0] + plane[1] * centre[0] / length + plane[2] * centre[1] / width
     reach = np.clip((np.array((along.min(), along.max())) - begin) / length, 0.0, 1.0)
@@ -253,12 +256,24 @@ def _surface(
     along: NDArray[np.float64], across: NDArray[np.float64], depth: NDArray[np.float64]
 ) -> tuple[float, ...]:
     orders = np.array(SURFACE_TERMS)
-    design = legvander(along, 3)[:, orders[:, 0]] * legvander(np.clip(across, -1.0, 1.0), 4)[:, orders[:, 1]]
-    normal = design.T @ design
+    lengthwise, crosswise = _legendre(along, 3), _legendre(np.clip(across, -1.0, 1.0), 4)
+    columns = lengthwise[orders[:, 0]] * crosswise[orders[:, 1]]
+    normal = columns @ columns.T
     # The higher the order, the more it takes to bend the surface where points are few or noisy.
     normal[np.diag_indices_from(normal)] += len(depth) * (1e-6 + _STIFFNESS * orders.max(axis=1) ** 2)
-    solution = np.linalg.solve(normal, design.T @ (depth - depth.mean()))
-    return tuple(float(value) for value in solution[1:])
+    solution = np.linalg.solve(normal, columns @ (depth - depth.mean()))
+    return tuple(solution[1:].tolist())
+
+
+def _legendre(places: NDArray[np.float64], degree: int) -> NDArray[np.float64]:
+    """Legendre polynomials of orders 0 … degree at places (P,), (degree + 1, P)."""
+    values = np.ones((degree + 1, len(places)))
+    values[1] = places
+    for order in range(2, degree + 1):
+        values[order] = (
+            (2 * order - 1) * places * values[order - 1] - (order - 1) * values[order - 2]
+        ) / order
+    return values
 
 
 def _believed(aspect: float, noise: float) -> float:

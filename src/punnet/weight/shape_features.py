@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from punnet.perception.picking_points import PICKING_HEIGHT
 from punnet.scene import KEYPOINTS, Visibility
@@ -29,6 +30,7 @@ __all__ = ["SHAPE_FEATURES", "shape_features"]
 _MILLILITRES = 1e6
 _ELLIPSOID = EllipsoidEstimator()
 _SEEN_FROM = ("top", "bottom", "left_grasp", "right_grasp")
+_Chords = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def _surface_name(along: int, across: int) -> str:
@@ -136,11 +138,12 @@ def shape_features(berry: BerryObservation) -> dict[str, float]:
     """All of :data:`SHAPE_FEATURES` of one berry, by name."""
     profile = measure_profile(berry)
     relief = measure_relief(berry, profile)
-    metric = _metric(berry, profile, relief)
+    widths = chords(profile.completed, _stations(profile))
+    metric = _metric(berry, profile, relief, widths)
     grams = _ELLIPSOID.weigh(berry)[0]
     return {
         **metric,
-        **_profile(profile, metric),
+        **_profile(profile, metric, widths),
         **_relief(berry, profile, relief),
         **_occlusion(berry, profile, relief, metric),
         **_completion(berry, profile, metric),
@@ -155,14 +158,15 @@ def shape_features(berry: BerryObservation) -> dict[str, float]:
     }
 
 
-def _metric(berry: BerryObservation, profile: BerryProfile, relief: BerryRelief) -> dict[str, float]:
-    stations = _stations(profile)
-    low, high = chords(profile.completed, stations)
-    seen_low, seen_high = chords(profile.seen, stations)
+def _metric(
+    berry: BerryObservation, profile: BerryProfile, relief: BerryRelief, widths: _Chords
+) -> dict[str, float]:
+    low, high = widths
+    seen_low, seen_high = chords(profile.seen, _stations(profile))
     longer = np.maximum(np.abs(low), np.abs(high))
     turned = math.pi * profile.length * _MILLILITRES
     revolution = turned * float(np.mean((high - low) ** 2)) / 4.0
-    pixels = int(berry.mask.sum())
+    pixels = int(np.count_nonzero(berry.mask))
     # A pixel far from the image's middle is farther away and looks at the berry aslant: less of it is in the pixel.
     slant = float(berry.outline.R_view_camera[2, 2])
     return {
@@ -185,8 +189,8 @@ def _metric(berry: BerryObservation, profile: BerryProfile, relief: BerryRelief)
     }
 
 
-def _profile(profile: BerryProfile, metric: dict[str, float]) -> dict[str, float]:
-    low, high = chords(profile.completed, _stations(profile))
+def _profile(profile: BerryProfile, metric: dict[str, float], widths: _Chords) -> dict[str, float]:
+    low, high = widths
     return {
         **{f"width_{k}": float(width) / profile.width for k, width in enumerate(high - low)},
         "elongation": profile.length / profile.width,
@@ -271,7 +275,7 @@ def _completion(berry: BerryObservation, profile: BerryProfile, metric: dict[str
     }
 
 
-def _stations(profile: BerryProfile) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def _stations(profile: BerryProfile) -> NDArray[np.float64]:
     return profile.begin + profile.length * (np.arange(STATIONS) + 0.5) / STATIONS
 
 
@@ -290,7 +294,7 @@ def _cut(berry: BerryObservation) -> float:
     return touched / sum(berry.mask.shape)
 
 
-def _area(polygon: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -> float:
+def _area(polygon: NDArray[np.float64]) -> float:
     x, y = polygon.T
     return abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2.0
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from punnet.geometry import CameraIntrinsics, back_project
 
-__all__ = ["Silhouette", "hidden_share", "measure_silhouette", "tidy_mask"]
+__all__ = ["Silhouette", "hidden_share", "measure_silhouette", "near_something_nearer", "tidy_mask"]
 
 _HALF_PIXEL = 0.28
 """Pixels by which the hull of pixel centres lies inside the outline they were sampled from, on average."""
@@ -60,7 +60,7 @@ class Silhouette:
     def dome(self, directions: NDArray[np.float64]) -> NDArray[np.float64]:
         """√(1 − ρ²) at (P, 2) points of the plane, ρ = 1 on the ellipse of equal moments; 0 outside."""
         offset = directions - self.centre
-        squared = np.einsum("ij,jk,ik->i", offset, np.linalg.inv(self.spread), offset) / 4.0
+        squared = np.einsum("ij,ij->i", offset @ np.linalg.inv(self.spread), offset) / 4.0
         return np.asarray(np.sqrt(np.clip(1.0 - squared, 0.0, None)))
 
 
@@ -83,8 +83,9 @@ def measure_silhouette(
     axis
         (2, 2) pixels (u, v) of the berry's top and bottom; without it the length is the longest extent.
     """
-    v, u = np.nonzero(mask)
-    hull = cv2.convexHull(np.column_stack((u, v)).astype(np.int32))[:, 0, :].astype(np.float64)
+    # The corners of the hull are on the outlines of the mask's pieces.
+    pieces, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    hull = cv2.convexHull(np.concatenate(pieces))[:, 0, :].astype(np.float64)
     if len(hull) < 3:  # a line of pixels
         corners = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
         hull = (hull[:, None] + corners).reshape(-1, 2)
@@ -145,14 +146,20 @@ def _axis_direction(
     return np.asarray(np.linalg.eigh(spread)[1][:, -1])
 
 
-def hidden_share(depth: NDArray[np.float32], mask: NDArray[np.bool_], nearer_than: float) -> float:
-    """Share of a mask's outline, 0 … 1, along which something nearer than ``nearer_than`` metres begins.
+def hidden_share(mask: NDArray[np.bool_], near: NDArray[np.bool_]) -> float:
+    """Share of a mask's outline, 0 … 1, that is :func:`near_something_nearer`: there the berry goes on behind it."""
+    shown = mask.view(np.uint8)
+    whole = cv2.erode(shown, np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    inner = shown > whole
+    return int(np.count_nonzero(inner & near)) / max(1, int(np.count_nonzero(inner)))
 
-    There the berry goes on behind it. The picture's border counts as such.
-    """
-    padded = np.pad(mask, _RING)
-    nearer = np.pad((depth > 0) & (depth < nearer_than), _RING, constant_values=True) & ~padded
+
+def near_something_nearer(
+    depth: NDArray[np.float32], mask: NDArray[np.bool_], nearer_than: float
+) -> NDArray[np.bool_]:
+    """Which pixels (H, W) have, within three, the picture's border or something outside the mask nearer than that."""
+    nearer = ((depth > 0) & (depth < nearer_than) & ~mask).view(np.uint8)
     kernel = np.ones((2 * _RING + 1, 2 * _RING + 1), np.uint8)
-    inner = padded & (cv2.erode(padded.astype(np.uint8), np.ones((3, 3), np.uint8)) == 0)
-    touched = inner & (cv2.dilate(nearer.astype(np.uint8), kernel) > 0)
-    return float(touched.sum() / max(1, inner.sum()))
+    return np.asarray(
+        cv2.dilate(nearer, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=1).view(np.bool_)
+    )
