@@ -17,6 +17,7 @@ from punnet.data.demos import target_picture
 from punnet.errors import BundleError, KinematicsError, PlanningError, PunnetError
 from punnet.movement import TrajectoryDistribution, ViaPoint
 from punnet.movement.distribution import Space
+from punnet.planning.berry_light import UNKNOWN, berry_light
 from punnet.planning.learned import BoxCamera, MovementModel, planner_bundle
 from punnet.planning.posed_joints import joints_of_poses
 from punnet.planning.promp_depth import ProMPDepthPlanner
@@ -114,17 +115,17 @@ class DeepProMPPlanner:
             If the box is empty or outside the picture, or the picture was taken from elsewhere.
         """
         if self._from_elsewhere(frame):
-            box = self._box_from_home(target)
+            box, light = self._box_from_home(target), UNKNOWN
             picture: NDArray[np.uint8] = np.zeros((SIDE, SIDE, 3), dtype=np.uint8)
         else:
-            box = _box_inside(frame, target)
+            box, light = _box_inside(frame, target), berry_light(frame.rgb, target.box)
             picture = (
                 target_picture(frame.rgb, target.box, SIDE)
                 if self.model.needs_picture
                 else np.zeros((SIDE, SIDE, 3), dtype=np.uint8)
             )
         try:
-            return self.model.distribution(picture, box)
+            return self.model.distribution(picture, box, light)
         except PunnetError as error:
             raise PlanningError(f"{self.name}: {error}") from error
 

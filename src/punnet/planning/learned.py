@@ -17,6 +17,7 @@ from punnet.errors import BundleError, FileFormatError, ShapeError
 from punnet.geometry import CameraIntrinsics, is_transform
 from punnet.movement import GaussianBasis, TrajectoryDistribution
 from punnet.movement.distribution import Space
+from punnet.planning.berry_light import UNKNOWN
 from punnet.planning.reaches import DEGREES, SIDE, Movements, Reaches, as_distribution
 
 __all__ = [
@@ -30,7 +31,7 @@ __all__ = [
 
 PLANNER_SCHEMA = "punnet-planner/1"
 PLANNER_FILE = "planner.json"
-PICTURE, BOX = "picture", "box"
+PICTURE, BOX, LIGHT = "picture", "box", "light"
 BATCH = 64
 _MAKE_AGAIN = "train it again with `punnet train planner`"
 Array = NDArray[np.float64]
@@ -147,8 +148,8 @@ class MovementModel:
     """One model of a planner bundle.
 
     Its graph takes ``picture`` uint8 (N, 128, 128, 3) with the target's box filled white, ``box`` float32 (N, 4) xyxy
-    divided by width and height, or only one of them; it gives ``mean`` (N, 7, B) and ``factor`` (N, 7·B, R) with
-    covariance F Fᵀ.
+    divided by width and height, ``light`` float32 (N,), NaN unknown (:mod:`punnet.planning.berry_light`), or only some of
+    them; it gives ``mean`` (N, 7, B) and ``factor`` (N, 7·B, R) with covariance F Fᵀ.
 
     Parameters
     ----------
@@ -182,28 +183,30 @@ class MovementModel:
             ) from error
         self._inputs = {value.name for value in self._session.get_inputs()}
         outputs = {value.name for value in self._session.get_outputs()}
-        if not self._inputs or not self._inputs <= {PICTURE, BOX} or outputs != {"mean", "factor"}:
+        if not self._inputs or not self._inputs <= {PICTURE, BOX, LIGHT} or outputs != {"mean", "factor"}:
             raise BundleError(
                 f"{path}: not a planner's graph: inputs {sorted(self._inputs)}, outputs {sorted(outputs)}; {_MAKE_AGAIN}"
             )
 
     @property
     def needs_picture(self) -> bool:
-        """Whether it looks at the picture, or at the box alone."""
+        """Whether it looks at the picture, or at the box and how the berry is lit alone."""
         return PICTURE in self._inputs
 
     def predict(self, reaches: Reaches) -> Movements:
         """(P) movements, one a photograph."""
         found = [
-            self.movements(reaches.pictures[i : i + BATCH], reaches.boxes[i : i + BATCH])
+            self.movements(
+                reaches.pictures[i : i + BATCH], reaches.boxes[i : i + BATCH], reaches.lights[i : i + BATCH]
+            )
             for i in range(0, len(reaches), BATCH)
         ]
         return Movements(
             np.concatenate([m.mean for m in found]), np.concatenate([m.covariance for m in found])
         )
 
-    def movements(self, pictures: NDArray[np.uint8], boxes: Array) -> Movements:
-        """(N) movements of pictures (N, 128, 128, 3) and boxes (N, 4).
+    def movements(self, pictures: NDArray[np.uint8], boxes: Array, lights: Array) -> Movements:
+        """(N) movements of pictures (N, 128, 128, 3), boxes (N, 4) and lights (N,).
 
         Raises
         ------
@@ -213,11 +216,16 @@ class MovementModel:
             If the graph fails or gives something else.
         """
         N, B = len(boxes), self.basis.count
-        if pictures.shape != (N, SIDE, SIDE, 3) or boxes.shape != (N, 4):
+        if pictures.shape != (N, SIDE, SIDE, 3) or boxes.shape != (N, 4) or lights.shape != (N,):
             raise ShapeError(
-                f"{self.name}: pictures must be (N, {SIDE}, {SIDE}, 3) and boxes (N, 4), got {pictures.shape}, {boxes.shape}"
+                f"{self.name}: pictures must be (N, {SIDE}, {SIDE}, 3), boxes (N, 4) and lights (N,), got "
+                f"{pictures.shape}, {boxes.shape}, {lights.shape}"
             )
-        fed = {PICTURE: np.ascontiguousarray(pictures), BOX: boxes.astype(np.float32)}
+        fed = {
+            PICTURE: np.ascontiguousarray(pictures),
+            BOX: boxes.astype(np.float32),
+            LIGHT: lights.astype(np.float32),
+        }
         try:
             mean, factor = self._session.run(["mean", "factor"], {name: fed[name] for name in self._inputs})
         except Exception as error:
@@ -231,15 +239,17 @@ class MovementModel:
             )
         return Movements(mean, factor @ factor.transpose(0, 2, 1))
 
-    def distribution(self, picture: NDArray[np.uint8], box: Array) -> TrajectoryDistribution:
-        """Of one picture (128, 128, 3) and box (4,).
+    def distribution(
+        self, picture: NDArray[np.uint8], box: Array, light: float = UNKNOWN
+    ) -> TrajectoryDistribution:
+        """Of one picture (128, 128, 3), box (4,) and how the berry is lit.
 
         Raises
         ------
         ShapeError
             If a predicted quaternion has no direction.
         """
-        found = self.movements(picture[None], box[None])
+        found = self.movements(picture[None], box[None], np.array([light]))
         return as_distribution(self.basis, found.mean[0], found.covariance[0], self.space, self.duration)
 
 

@@ -12,16 +12,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from punnet.data.demos import DemonstrationSet, Episode, WeightDistribution, target_picture
+from punnet.data.demos import DemonstrationSet, Episode, target_picture
 from punnet.errors import ConfigurationError, ShapeError
-from punnet.movement import GaussianBasis, ProMP, TrajectoryDistribution, from_quaternion_weights
+from punnet.movement import GaussianBasis, TrajectoryDistribution, from_quaternion_weights
 from punnet.movement.distribution import Space
+from punnet.planning.berry_light import UNKNOWN, berry_light
+from punnet.planning.orientation_mending import mended
+from punnet.planning.reach_fitting import aligned, fit_repeats, reference_quaternion
 
 __all__ = ["DEGREES", "SIDE", "Movements", "Reaches", "Space", "as_distribution", "reaches_from"]
 
 DEGREES = 7
 SIDE = 128
-SAMPLES = 150
 Array = NDArray[np.float64]
 
 
@@ -95,6 +97,9 @@ class Reaches:
         (M, 3) grip point in the base frame, NaN unknown.
     suspects
         (M,) whether the source itself says that box and reach may not belong together.
+    lights
+        (P,) how brightly each berry is lit (:func:`~punnet.planning.berry_light.berry_light`), NaN unknown; all
+        unknown if not given.
     basis
         Of the weights.
     duration
@@ -118,17 +123,21 @@ class Reaches:
     pose: Movements
     points: Array
     suspects: NDArray[np.bool_]
+    lights: Array = field(default_factory=lambda: np.zeros(0))
     basis: GaussianBasis = field(default_factory=GaussianBasis)
     duration: float = 1.0
     name: str = "reaches"
 
     def __post_init__(self) -> None:
         P, M = len(self.pictures), len(self.target_ids)
+        if P and not len(self.lights):
+            object.__setattr__(self, "lights", np.full(P, UNKNOWN))
         shapes = {
             "pictures": (self.pictures.shape, (P, SIDE, SIDE, 3)),
             "boxes": (self.boxes.shape, (P, 4)),
             "targets": (self.targets.shape, (P,)),
             "ends": (self.ends.shape, (P, DEGREES)),
+            "lights": (self.lights.shape, (P,)),
             "groups": ((len(self.groups),), (M,)),
             "joint": (self.joint.mean.shape, (M, DEGREES, self.basis.count)),
             "pose": (self.pose.mean.shape, (M, DEGREES, self.basis.count)),
@@ -181,6 +190,7 @@ class Reaches:
             pose=self.pose[kept],
             points=self.points[kept],
             suspects=self.suspects[kept],
+            lights=self.lights[seen],
         )
 
 
@@ -202,7 +212,8 @@ def as_distribution(
 def reaches_from(demonstrations: DemonstrationSet, basis: GaussianBasis | None = None) -> Reaches:
     """Photographs and movements of demonstrations: repeats of a target are fitted together (Eq. 5.1 to 5.7).
 
-    Where the source kept weights in place of trajectories, they are taken to ``basis``.
+    Where the source kept weights in place of trajectories, they are taken to ``basis``, orientations that its averaging
+    spoilt from the joints (:mod:`punnet.planning.orientation_mending`).
 
     Parameters
     ----------
@@ -221,15 +232,16 @@ def reaches_from(demonstrations: DemonstrationSet, basis: GaussianBasis | None =
         _require_whole(demonstrations.name, episode)
     if not len(demonstrations):
         raise ConfigurationError(f"{demonstrations.name}: no demonstrations in it")
+    episodes = [mended(episode) for episode in demonstrations]
     rows = list(demonstrations.targets.items())
-    reference = _reference_quaternion(demonstrations)
-    fitted = [_fit([demonstrations[i] for i in indices], basis, reference) for _, indices in rows]
+    reference = reference_quaternion(episodes)
+    fitted = [fit_repeats([episodes[i] for i in indices], basis, reference) for _, indices in rows]
     order = [(index, row) for row, (_, indices) in enumerate(rows) for index in indices]
-    pictures, boxes, ends = zip(
-        *(_picture(demonstrations[index], reference) for index, _ in order), strict=True
+    pictures, boxes, lights, ends = zip(
+        *(_picture(episodes[index], reference) for index, _ in order), strict=True
     )
-    firsts = [demonstrations[indices[0]] for _, indices in rows]
-    durations = [e.movement.duration for e in demonstrations if e.movement.clock == "seconds"]
+    firsts = [episodes[indices[0]] for _, indices in rows]
+    durations = [e.movement.duration for e in episodes if e.movement.clock == "seconds"]
     return Reaches(
         pictures=np.array(pictures, dtype=np.uint8),
         boxes=np.array(boxes),
@@ -240,6 +252,7 @@ def reaches_from(demonstrations: DemonstrationSet, basis: GaussianBasis | None =
         joint=Movements(np.array([f[0] for f in fitted]), np.array([f[1] for f in fitted])),
         pose=Movements(np.array([f[2] for f in fitted]), np.array([f[3] for f in fitted])),
         points=np.array([_point(e) for e in firsts]),
+        lights=np.array(lights),
         suspects=np.array([bool(e.extra.get("suspect_pairing", False)) for e in firsts]),
         basis=basis,
         duration=float(np.mean(durations)) if durations else 1.0,
@@ -270,70 +283,16 @@ def _require_whole(name: str, episode: Episode) -> None:
         )
 
 
-def _fit(
-    episodes: list[Episode], basis: GaussianBasis, reference: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Mean and covariance of the joints' weights, and of the poses'."""
-    joints, poses = [], []
-    for episode in episodes:
-        assert episode.joints is not None
-        assert episode.poses is not None
-        joints.append(episode.joints.resampled(SAMPLES))
-        poses.append(_aligned(episode.poses.resampled(SAMPLES), reference))
-    result: list[Array] = []
-    for paths, kept in (
-        (joints, [episode.joint_weights for episode in episodes]),
-        (poses, [episode.task_weights for episode in episodes]),
-    ):
-        stored = [weights for weights in kept if weights is not None]
-        if stored:
-            result += [ProMP(basis).weights(np.mean(paths, axis=0)), _stored_covariance(stored, basis)]
-        elif len(paths) == 1:
-            weights = ProMP(basis).weights(paths[0])
-            result += [weights, np.zeros((weights.size, weights.size))]
-        else:
-            distribution = ProMP(basis).fit(paths)
-            result += [distribution.weight_mean, distribution.weight_covariance]
-    return result[0], result[1], result[2], result[3]
-
-
-def _stored_covariance(stored: list[WeightDistribution], basis: GaussianBasis) -> Array:
-    """Covariance (7·B, 7·B) in ``basis`` of weights in the source's own; what is no covariance is cut to one."""
-    phases = np.linspace(0.0, 1.0, SAMPLES)
-    B = basis.count
-    whole = np.zeros((DEGREES * B, DEGREES * B))
-    for weights in stored:
-        change = np.linalg.pinv(basis.phi(phases)) @ weights.basis_values(phases)
-        for degree, block in enumerate(weights.covariance):
-            values, vectors = np.linalg.eigh(block)
-            root = change @ (vectors * np.sqrt(np.maximum(values, 0.0)))
-            here = slice(degree * B, (degree + 1) * B)
-            whole[here, here] += root @ root.T / len(stored)
-    return whole
-
-
-def _reference_quaternion(demonstrations: DemonstrationSet) -> Array:
-    """(4,) mean orientation of all final poses, to which quaternions are aligned."""
-    ends = np.array([episode.poses.end[3:] for episode in demonstrations if episode.poses is not None])
-    return np.asarray(np.linalg.eigh(ends.T @ ends)[1][:, -1])
-
-
-def _aligned(poses: Array, reference: Array) -> Array:
-    """Poses (T, 7) whose quaternions end in the reference's hemisphere."""
-    if poses[-1, 3:] @ reference < 0:
-        poses = poses.copy()
-        poses[:, 3:] *= -1.0
-    return poses
-
-
-def _picture(episode: Episode, reference: Array) -> tuple[NDArray[np.uint8], Array, Array]:
+def _picture(episode: Episode, reference: Array) -> tuple[NDArray[np.uint8], Array, float, Array]:
+    """What the network sees, the box, how the berry is lit, and where the reach ended."""
     assert episode.home is not None
     assert episode.target is not None
     assert episode.poses is not None
     rgb = episode.home.rgb()
     height, width = rgb.shape[:2]
     box = episode.target.box / np.array([width, height, width, height])
-    return target_picture(rgb, episode.target.box, SIDE), box, _aligned(episode.poses.end[None], reference)[0]
+    end = aligned(episode.poses.end[None], reference)[0]
+    return target_picture(rgb, episode.target.box, SIDE), box, berry_light(rgb, episode.target.box), end
 
 
 def _point(episode: Episode) -> Array:

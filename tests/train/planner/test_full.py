@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
 
 from punnet.data.demos import read_demos
 from punnet.errors import ConfigurationError
+from punnet.planning.reach_errors import join_errors, reach_errors
 from punnet.planning.reaches import Reaches, as_distribution, reaches_from
 from punnet.train.planner.full import FullConfig, fit_full
 from punnet.train.planner.regression import fold_numbers
@@ -49,6 +49,7 @@ def test_the_whole_movement_is_one_that_was_demonstrated(reaches: Reaches) -> No
 
 def test_what_the_picture_does_not_tell_is_said_by_the_variance(reaches: Reaches) -> None:
     """Along x, away from the camera, the box's centre tells least."""
+    reaches = replace(reaches, lights=np.full(len(reaches), np.nan))
     fitted = fit_full(FullConfig(), reaches)
     found = fitted.predict(reaches)
     last = np.kron(np.eye(7), reaches.basis.phi([1.0]))
@@ -83,19 +84,17 @@ def test_too_little_is_said(reaches: Reaches) -> None:
 
 
 def test_real_reaches_leaving_one_scene_out(shared_data) -> None:
-    """Better than the ridge of degree 2 that was measured before: 0.044 m over all, 0.033 m over those not suspect."""
+    """Ridge of degree 2: 0.044 m over all, 0.035 m over those not suspect."""
     reaches = reaches_from(read_demos(shared_data / "reach"))
     folds = fold_numbers(reaches.groups, 8)
-    off, inside = np.zeros((75, 3)), np.zeros(75, dtype=bool)
-    last = np.kron(np.eye(7), reaches.basis.phi([1.0]))[:3]
+    parts = []
     for fold in np.unique(folds):
-        out = np.flatnonzero(folds == fold)
-        unseen = reaches.subset(out)
-        found = fit_full(FullConfig(), reaches.subset(np.flatnonzero(folds != fold))).predict(unseen)
-        off[out] = ends(reaches, found.mean)[:, :3] - unseen.ends[:, :3]
-        spread = last @ found.covariance @ last.T
-        inside[out] = np.einsum("nk,nkl,nl->n", off[out], np.linalg.inv(spread), off[out]) < chi2.ppf(0.9, 3)
-    error = np.linalg.norm(off, axis=1)
-    assert error.mean() < 0.042
-    assert error[~reaches.suspects].mean() < 0.032
-    assert 0.78 < inside.mean() < 0.97
+        unseen = reaches.subset(np.flatnonzero(folds == fold))
+        fitted = fit_full(FullConfig(), reaches.subset(np.flatnonzero(folds != fold)))
+        assert fitted.by_light is not None
+        parts.append(reach_errors(fitted.predict(unseen), unseen, "task"))
+    found = join_errors(parts).summary()
+    assert found["position_m"] < 0.040
+    assert found["position_not_suspect_m"] < 0.030
+    assert found["coverage"]["0.5"] == pytest.approx(0.5, abs=0.07)
+    assert found["coverage"]["0.9"] == pytest.approx(0.9, abs=0.05)

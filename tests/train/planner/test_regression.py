@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from punnet.train.planner.regression import PENALTIES, choose_penalties, fit_robustly, fold_numbers
+from punnet.train.planner.regression import PENALTIES, fit_robustly, fold_numbers, leave_folds_out
 
 
 @pytest.fixture
@@ -46,10 +46,13 @@ def test_penalties_are_chosen_for_each_output(plane, rng) -> None:
         (values[:, 0], rng.normal(size=60))
     )  # the second has nothing to do with the features
     folds = fold_numbers([str(row % 6) for row in range(60)], 8)
-    penalties, off = choose_penalties(features, values, folds, freedom=2.5)
-    assert penalties[0] == PENALTIES[0]
-    assert penalties[1] > 0.1
-    assert np.abs(off[:, 0]).max() < 1e-3
+    unseen = leave_folds_out(features, values, folds, freedom=2.5, penalties="each")
+    assert unseen.penalties[0] == PENALTIES[0]
+    assert unseen.penalties[1] > 0.1
+    assert np.abs(unseen.residuals[:, 0]).max() < 1e-3
+    assert (unseen.leverage > 1.0 / 60).all()
+    shared = leave_folds_out(features, values, folds, freedom=2.5, penalties="all").penalties
+    assert shared[0] == shared[1]
 
 
 def test_what_is_learnt_far_from_is_less_sure(plane) -> None:

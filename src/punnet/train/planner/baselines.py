@@ -62,7 +62,7 @@ class _Nearest:
 class DepthPrediction:
     """A planner that is told where the berry hangs in space; joint space.
 
-    Where it finds no reach, the demonstrated ones stand in.
+    Where it finds no reach, the demonstrated ones stand in. It sees the marked pictures, in which no light can be told.
 
     Parameters
     ----------

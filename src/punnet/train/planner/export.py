@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from punnet.planning.reaches import DEGREES, SIDE
 from punnet.train.detector.export import halve, is_halved
 from punnet.train.planner.deep import DeepPrediction
-from punnet.train.planner.full import FullPrediction
+from punnet.train.planner.full import EndModel, FullPrediction
 from punnet.train.planner.network import DeepProMP
 
 __all__ = ["export_planner"]
@@ -36,42 +36,62 @@ class _DeepGraph(nn.Module):
         return mean, whole.reshape(-1, size, size)
 
 
-class _FullGraph(nn.Module):
-    """Box to mean (N, 7, B) and factor (N, 7·B, R): :meth:`FullPrediction.predict` in double precision."""
+class _EndGraph(nn.Module):
+    """Features to mean (N, 7·B) and root of its doubt (N, 7·B, 7), in double precision."""
 
     centre: Tensor
     scale: Tensor
     coefficients: Tensor
     middle: Tensor
     precision: Tensor
-    rest: Tensor
     doubt: Tensor
 
-    def __init__(self, fitted: FullPrediction) -> None:
+    def __init__(self, fitted: FullPrediction, ends: EndModel) -> None:
         super().__init__()
-        self.functions = fitted.functions
-        regression = fitted.regression
+        regression = ends.regression
         for name, values in (
             ("centre", regression.centre),
             ("scale", regression.scale),
             ("coefficients", regression.coefficients @ fitted.gain.T),
             ("middle", fitted.middle + fitted.gain @ regression.intercept),
             ("precision", regression.precision),
-            ("rest", fitted.rest),
-            ("doubt", fitted.doubt),
+            ("doubt", ends.doubt),
         ):
             self.register_buffer(name, torch.from_numpy(np.ascontiguousarray(values)))
         self.rows = regression.rows
 
-    def forward(self, box: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        scaled = (features - self.centre) / self.scale
+        leverage = ((scaled @ self.precision) * scaled).sum(dim=1) + 1.0 / self.rows
+        doubt = self.doubt.unsqueeze(0) * torch.sqrt(1.0 + leverage)[:, None, None]
+        return self.middle + scaled @ self.coefficients, doubt
+
+
+class _FullGraph(nn.Module):
+    """Box, and light if it is looked at, to mean (N, 7, B) and factor (N, 7·B, R): :meth:`FullPrediction.predict`."""
+
+    rest: Tensor
+
+    def __init__(self, fitted: FullPrediction) -> None:
+        super().__init__()
+        self.functions = fitted.functions
+        self.by_box = _EndGraph(fitted, fitted.by_box)
+        self.by_light = None if fitted.by_light is None else _EndGraph(fitted, fitted.by_light)
+        self.register_buffer("rest", torch.from_numpy(np.ascontiguousarray(fitted.rest)))
+
+    def forward(self, box: Tensor, light: Tensor | None = None) -> tuple[Tensor, Tensor]:
         values = box.double()
         u = (values[:, 0] + values[:, 2]) / 2.0 - 0.5
         v = (values[:, 1] + values[:, 3]) / 2.0 - 0.5
-        features = (torch.stack((u, v, u * u, u * v, v * v), dim=1) - self.centre) / self.scale
-        mean = self.middle + features @ self.coefficients
-        leverage = ((features @ self.precision) * features).sum(dim=1) + 1.0 / self.rows
-        doubt = self.doubt.unsqueeze(0) * torch.sqrt(1.0 + leverage)[:, None, None]
-        rest = self.rest.unsqueeze(0) + 0.0 * leverage[:, None, None]
+        features = torch.stack((u, v, u * u, u * v, v * v), dim=1)
+        mean, doubt = self.by_box(features)
+        if self.by_light is not None and light is not None:
+            known = torch.isfinite(light)
+            filled = torch.where(known, light.double(), torch.zeros_like(u))
+            lit, lit_doubt = self.by_light(torch.cat((features, filled[:, None]), dim=1))
+            mean = torch.where(known[:, None], lit, mean)
+            doubt = torch.where(known[:, None, None], lit_doubt, doubt)
+        rest = self.rest.unsqueeze(0) + 0.0 * doubt[:, :1, :1]
         return mean.reshape(-1, DEGREES, self.functions), torch.cat((rest, doubt), dim=2)
 
 
@@ -99,6 +119,8 @@ def export_planner(prediction: DeepPrediction | FullPrediction, path: Path) -> N
         names = ["picture", "box"]
     else:
         graph, example, names = _FullGraph(prediction), (box,), ["box"]
+        if prediction.by_light is not None:
+            example, names = (box, torch.tensor([0.0, float("nan")])), ["box", "light"]
     with warnings.catch_warnings(), torch.no_grad():
         warnings.simplefilter("ignore")  # of the tracer's, which can't know that the batch stays open
         torch.onnx.export(

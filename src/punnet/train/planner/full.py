@@ -1,8 +1,9 @@
 """Ours, ``full``: where the reach ends is told from the target's box, and the demonstrated movement is conditioned on it.
 
 1. The end e (7 numbers: the flange's position and quaternion, or the joints) is regressed robustly on the degree-2
-   polynomial of the box's centre (:mod:`punnet.train.planner.regression`), and so is its uncertainty, over all
-   degrees of freedom at once, from errors on groups left out.
+   polynomial of the box's centre (:mod:`punnet.train.planner.regression`) and, where that helps on groups left out, on how
+   brightly the berry is lit (:mod:`punnet.planning.berry_light`). Its uncertainty, over all degrees of freedom at
+   once, is that of groups left out (:mod:`punnet.train.planner.calibration`).
 2. All demonstrated movements make one Gaussian N(m, S) over the weights. With H the basis at the end, its conditional on an
    end ~ N(e, V) is N(m + K (e − H m), (I − K H) S (I − K H)ᵀ + K V Kᵀ) with K = S Hᵀ (H S Hᵀ)⁻¹: Eq. 5.8 with
    a via-point that is itself uncertain.
@@ -17,22 +18,29 @@ from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from punnet.errors import ConfigurationError
 from punnet.movement.distribution import Space
 from punnet.planning.reaches import DEGREES, Movements, Reaches
-from punnet.train.planner.regression import Regression, choose_penalties, fit_robustly, fold_numbers
+from punnet.train.planner.calibration import doubt_of_ends
+from punnet.train.planner.regression import LeftOut, Regression, fit_robustly, fold_numbers, leave_folds_out
 
-__all__ = ["FullConfig", "FullPrediction", "GivenItsEnd", "fit_full", "given_its_end", "target_boxes"]
+__all__ = [
+    "EndModel",
+    "FullConfig",
+    "FullPrediction",
+    "GivenItsEnd",
+    "fit_full",
+    "given_its_end",
+    "target_boxes",
+]
 
 Array = NDArray[np.float64]
 FOLDS = 8
 """Most folds that groups are left out in to choose penalties and to see how far off ends are."""
 LEAST_TARGETS = 6
-WIDENINGS = np.geomspace(0.1, 10.0, 81)
-TOLERANCES = {0.5: 0.07, 0.9: 0.05}
-"""Shares of demonstrations that regions are to hold, and how far off each may be."""
+HELPFUL = 0.97
+"""Share of the error on groups left out that the light has to take it down to, to be looked at."""
 RIDGE = 1e-9
 
 
@@ -69,6 +77,22 @@ class FullConfig:
 
 
 @dataclass(frozen=True, eq=False)
+class EndModel:
+    """Where reaches end.
+
+    Parameters
+    ----------
+    regression
+        Features to the end (7,).
+    doubt
+        (7·B, 7) root of K V Kᵀ, V how far off ends are on unseen groups.
+    """
+
+    regression: Regression
+    doubt: Array
+
+
+@dataclass(frozen=True, eq=False)
 class FullPrediction:
     """A fitted ``full``.
 
@@ -76,16 +100,16 @@ class FullPrediction:
     ----------
     config
         How.
-    regression
-        Polynomial of the box's centre to the end (7,).
+    by_box
+        Of the polynomial of the box's centre.
+    by_light
+        Of that and how brightly the berry is lit, for photographs where that is known; None if it does not help.
     gain
         (7·B, 7): K.
     middle
         (7·B,): m − K H m.
     rest
         (7·B, R) root of what the end leaves open.
-    doubt
-        (7·B, 7) root of K V Kᵀ, V how far off ends are on unseen groups.
     functions
         B.
     left_out
@@ -94,11 +118,11 @@ class FullPrediction:
     """
 
     config: FullConfig
-    regression: Regression
+    by_box: EndModel
+    by_light: EndModel | None
     gain: Array
     middle: Array
     rest: Array
-    doubt: Array
     functions: int
     left_out: dict[str, float] = field(default_factory=dict)
 
@@ -114,11 +138,17 @@ class FullPrediction:
 
     def predict(self, reaches: Reaches) -> Movements:
         """(P) movements, one a photograph."""
-        features = _polynomial(reaches.centres)
-        mean = self.middle + self.regression(features) @ self.gain.T
-        growth = 1.0 + self.regression.leverage(features)
-        covariance = self.rest @ self.rest.T + growth[:, None, None] * (self.doubt @ self.doubt.T)
+        mean, covariance = self._told(self.by_box, _polynomial(reaches.centres))
+        lit = np.isfinite(reaches.lights)
+        if self.by_light is not None and lit.any():
+            features = _with_light(reaches.centres[lit], reaches.lights[lit])
+            mean[lit], covariance[lit] = self._told(self.by_light, features)
         return Movements(mean.reshape(len(mean), DEGREES, self.functions), covariance)
+
+    def _told(self, ends: EndModel, features: Array) -> tuple[Array, Array]:
+        mean = self.middle + ends.regression(features) @ self.gain.T
+        growth = 1.0 + ends.regression.leverage(features)
+        return mean, self.rest @ self.rest.T + growth[:, None, None] * (ends.doubt @ ends.doubt.T)
 
 
 def fit_full(config: FullConfig, reaches: Reaches) -> FullPrediction:
@@ -138,22 +168,44 @@ def fit_full(config: FullConfig, reaches: Reaches) -> FullPrediction:
     movements, functions = reaches.movements(config.space), reaches.basis.count
     H = np.asarray(np.kron(np.eye(DEGREES), reaches.basis.phi([1.0])), dtype=np.float64)
     ends = movements.mean.reshape(M, -1) @ H.T
-    features = _polynomial(_centres(target_boxes(reaches)))
-    folds = fold_numbers(reaches.groups, FOLDS)
-    penalties, off = choose_penalties(features, ends, folds, config.freedom)
-    regression = fit_robustly(features, ends, penalties, config.freedom)
     given = given_its_end(movements, H)
-    doubt = _doubt_of_ends(config, reaches, off, H @ movements.covariance.mean(axis=0) @ H.T)
+    within = H @ movements.covariance.mean(axis=0) @ H.T
+    centres, lights = _centres(target_boxes(reaches)), _target_lights(reaches)
+
+    def fitted(features: Array) -> tuple[EndModel, LeftOut]:
+        unseen = leave_folds_out(
+            features,
+            ends,
+            fold_numbers(reaches.groups, FOLDS),
+            config.freedom,
+            penalties="each" if config.space == "task" else "all",
+        )
+        regression = fit_robustly(features, ends, unseen.penalties, config.freedom)
+        return EndModel(
+            regression, given.gain @ _root(doubt_of_ends(config.space, reaches, unseen, within))
+        ), unseen
+
+    by_box, unseen = fitted(_polynomial(centres))
+    by_light = None
+    if np.isfinite(lights).all():
+        lit, lit_unseen = fitted(_with_light(centres, lights))
+        if _how_far(lit_unseen) < HELPFUL * _how_far(unseen):
+            by_light, unseen = lit, lit_unseen
     return FullPrediction(
         config,
-        regression,
+        by_box,
+        by_light,
         given.gain,
         given.middle,
         _root(given.rest),
-        given.gain @ _root(doubt),
         functions,
-        _left_out(config.space, ends, off),
+        _left_out(config.space, ends, unseen.residuals),
     )
+
+
+def _how_far(unseen: LeftOut) -> float:
+    """Mean length of what positions, or joints, are off on groups left out."""
+    return float(np.linalg.norm(unseen.residuals[:, :3], axis=1).mean())
 
 
 def _left_out(space: Space, ends: Array, off: Array) -> dict[str, float]:
@@ -208,52 +260,12 @@ def given_its_end(movements: Movements, H: Array) -> GivenItsEnd:
     return GivenItsEnd(gain, mean - gain @ (H @ mean), left @ S @ left.T)
 
 
-def _doubt_of_ends(config: FullConfig, reaches: Reaches, off: Array, within: Array) -> Array:
-    """V (7, 7): scatter of the ends of groups left out, widened so that regions hold the shares they should.
-
-    Parameters
-    ----------
-    off
-        (M, 7) end minus prediction, of targets in groups left out.
-    within
-        (7, 7) how ends of repeats to one target differ.
-    """
-    scatter = _robust_scatter(off, config.freedom)
-    space = slice(0, 3) if config.space == "task" else slice(0, DEGREES)
-    demonstrated = _offs_of_demonstrations(config, reaches, off)[:, space]
-    n = demonstrated.shape[1]
-
-    def missed(widening: float) -> float:
-        region = (widening * scatter + within)[space, space]
-        distance = np.einsum(
-            "pk,kl,pl->p", demonstrated, np.linalg.inv(region + RIDGE * np.eye(n)), demonstrated
-        )
-        return max(
-            abs(float((distance < chi2.ppf(share, n)).mean()) - share) / tolerance
-            for share, tolerance in TOLERANCES.items()
-        )
-
-    widening = min(WIDENINGS, key=missed)
-    return np.asarray(widening * scatter + within)
-
-
-def _offs_of_demonstrations(config: FullConfig, reaches: Reaches, off: Array) -> Array:
-    """(P, 7) how far each demonstration ended from what is told of its target; in joint space of the targets' means."""
-    if config.space == "joint":
-        return off[reaches.targets]
-    last = reaches.basis.phi([1.0])[0]
-    return np.asarray(off[reaches.targets] + reaches.ends - (reaches.pose.mean @ last)[reaches.targets])
-
-
-def _robust_scatter(off: Array, freedom: float) -> Array:
-    """Scatter (K, K) of a multivariate t around zero."""
-    N, K = off.shape
-    w, scatter = np.ones(N), np.eye(K)
-    for _ in range(50):
-        scatter = (off * w[:, None]).T @ off / N
-        scatter += (1e-6 * np.trace(scatter) / K + RIDGE) * np.eye(K)
-        w = (freedom + K) / (freedom + np.einsum("nk,kl,nl->n", off, np.linalg.inv(scatter), off))
-    return np.asarray(scatter)
+def _target_lights(reaches: Reaches) -> Array:
+    """(M,) mean over the photographs of each target; NaN if one of them is unknown."""
+    count = np.bincount(reaches.targets, minlength=len(reaches.target_ids))
+    total = np.zeros(len(count))
+    np.add.at(total, reaches.targets, reaches.lights)
+    return np.asarray(total / np.maximum(count, 1))
 
 
 def _centres(boxes: Array) -> Array:
@@ -264,6 +276,11 @@ def _polynomial(centres: Array) -> Array:
     """(N, 5) u, v, u², uv, v² of centres (N, 2), from the middle of the picture."""
     u, v = (centres - 0.5).T
     return np.stack((u, v, u * u, u * v, v * v), axis=1)
+
+
+def _with_light(centres: Array, lights: Array) -> Array:
+    """(N, 6) the polynomial and the light."""
+    return np.column_stack((_polynomial(centres), lights))
 
 
 def _root(covariance: Array) -> Array:

@@ -8,13 +8,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["PENALTIES", "Regression", "choose_penalties", "fit_robustly", "fold_numbers"]
+__all__ = [
+    "PENALTIES",
+    "LeftOut",
+    "PenaltiesOf",
+    "Regression",
+    "fit_robustly",
+    "fold_numbers",
+    "leave_folds_out",
+]
 
 Array = NDArray[np.float64]
+PenaltiesOf = Literal["each", "all"]
 PENALTIES = (1e-4, 1e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0)
 """Ridge penalties to choose from, on standardised features; the last one leaves a constant."""
 ITERATIONS = 30
@@ -95,29 +105,56 @@ def fit_robustly(features: Array, values: Array, penalties: Array, freedom: floa
     return Regression(middle + x0 * scale, scale, y0, coefficients, gram, float(w.sum()))
 
 
-def choose_penalties(
-    features: Array, values: Array, folds: NDArray[np.int64], freedom: float
-) -> tuple[Array, Array]:
-    """Penalty of each output that does best on folds left out, and what it does there.
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """What regressions do on folds that they have not seen.
 
-    Returns
-    -------
+    Parameters
+    ----------
     penalties
-        (K,)
+        (K,) ridge penalty of each output that does best there.
     residuals
         (N, K) of each row, by the fit to the other folds with those penalties.
+    leverage
+        (N,) of each row in that fit.
     """
-    K = values.shape[1]
-    residuals = np.zeros((len(PENALTIES), *values.shape))
+
+    penalties: Array
+    residuals: Array
+    leverage: Array
+
+
+def leave_folds_out(
+    features: Array, values: Array, folds: NDArray[np.int64], freedom: float, *, penalties: PenaltiesOf
+) -> LeftOut:
+    """Choose penalties by folds left out, and say how far off they are there.
+
+    Parameters
+    ----------
+    features, values, freedom
+        As :func:`fit_robustly`.
+    folds
+        (N,) which fold each row is of.
+    penalties
+        ``each`` output its own, or one that ``all`` share: then a combination of outputs is regressed as well as they are
+        themselves, which matters where only combinations tell, as of an arm's joints.
+    """
+    N, K = values.shape
+    residuals, leverage = np.zeros((len(PENALTIES), N, K)), np.zeros((len(PENALTIES), N))
     for row, penalty in enumerate(PENALTIES):
         for fold in np.unique(folds):
             out = folds == fold
             fitted = fit_robustly(features[~out], values[~out], np.full(K, penalty), freedom)
             residuals[row, out] = values[out] - fitted(features[out])
+            leverage[row, out] = fitted.leverage(features[out])
     scale = np.maximum(np.median(np.abs(residuals), axis=1).min(axis=0), SMALLEST)
     cost = np.log1p(np.square(residuals / scale) / freedom).mean(axis=1)
-    best = cost.argmin(axis=0)
-    return np.array(PENALTIES)[best], np.asarray(residuals[best, :, np.arange(K)].T)
+    best = cost.argmin(axis=0) if penalties == "each" else np.full(K, cost.sum(axis=1).argmin())
+    return LeftOut(
+        np.array(PENALTIES)[best],
+        np.asarray(residuals[best, :, np.arange(K)].T),
+        np.asarray(leverage[best].mean(axis=0)),
+    )
 
 
 def fold_numbers(groups: Sequence[str], most: int) -> NDArray[np.int64]:
