@@ -24,7 +24,9 @@ def main() -> None:
     project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
     # The developers' extra names the others that it holds as punnet[...]; their packages are what is resolved.
-    wanted = [*project["dependencies"], *extras["train"], *extras["ros"], *extras["lerobot"], *extras["dev"]]
+    wanted = list(project["dependencies"])
+    for extra in ("train", "ros", "lerobot", "arms", "dev"):
+        wanted += extras[extra]
     wanted = [requirement for requirement in wanted if not requirement.startswith("punnet[")]
     with tempfile.TemporaryDirectory() as nowhere:
         options = ["--quiet", "--dry-run", "--ignore-installed", "--report", "-", "--target", nowhere]

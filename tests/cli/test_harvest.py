@@ -124,3 +124,15 @@ def test_a_dry_run_writes_motions_only(punnet, tmp_path: Path) -> None:
     punnet(*command, "--out", tmp_path / "dry").fails_with("exists", "--force")
     punnet(*command, "--pick", "1", "--out", tmp_path / "other").fails_with("dry-run")
     punnet("harvest", "--robot", "ur5e", "--out", tmp_path / "other").fails_with("no 'ur5e'", "dry-run")
+
+
+def test_a_dry_run_of_another_arm(punnet, tmp_path: Path) -> None:
+    command = ("harvest", "--suite", "easy", "--seed", "3", "--oracle", "--arm", "xarm7")
+    result = punnet(*command, "--robot", "dry-run", "--out", tmp_path / "dry", "--json")
+    assert result.code == 0, result.err
+    told = json.loads(result.out)
+    assert told["berries"]
+    assert all(berry["punnet"] for berry in told["berries"])
+    motion = json.loads((tmp_path / "dry" / told["trajectories"][0]).read_text())
+    assert motion["joint_names"] == [f"joint{number}" for number in range(1, 8)]
+    punnet(*command, "--out", tmp_path / "other").fails_with("--robot dry-run")

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from punnet.movement import JointTrajectory, TrajectoryDistribution
-from punnet.robot import HOME, PANDA_LIMITS, Panda
+from punnet.robot import HOME, PANDA_LIMITS, Panda, load_arm
 
 
 def test_reach_from_home_to_the_picking_point(
@@ -68,3 +68,19 @@ def test_hole_in_the_depth(punnet, frame_options, frame_folder: Path, tmp_path: 
     path = tmp_path / "depth.png"
     cv2.imwrite(str(path), np.zeros((480, 640), dtype=np.uint16))
     punnet("plan", *frame_options(frame_folder, depth=path)).fails_with("no target", "0 of those have depth")
+
+
+def test_reach_of_another_arm(punnet, frame_options, frame_folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "reach"
+    result = punnet("plan", *frame_options(frame_folder), "--arm", "ur5", "--out", out, "--json")
+    assert result.code == 0, result.err
+    plan = json.loads(result.out)
+    trajectory = JointTrajectory.from_json(plan["trajectory"])
+    arm = load_arm("ur5")
+    assert trajectory.positions.shape[1] == 6
+    assert trajectory.start == pytest.approx(arm.home, abs=1e-6)
+    tool = arm.forward_kinematics_tool(trajectory.end)[:3, 3]
+    assert tool == pytest.approx(plan["picking_point"], abs=2e-3)
+    assert (np.abs(trajectory.velocities) <= arm.limits.velocity).all()
+    punnet("plan", *frame_options(frame_folder), "--arm", "ur6").fails_with("no file 'ur6'", "xarm7")
+    punnet("plan", *frame_options(frame_folder), "--arm", "ur5", "--start", "0,0").fails_with("6 numbers")

@@ -71,9 +71,9 @@ def test_a_dry_run_overwrites_nothing(tmp_path):
 
 
 def test_bad_joints_are_named(tmp_path):
-    with pytest.raises(ShapeError, match="seven finite"):
+    with pytest.raises(ShapeError, match="finite joint angles"):
         DryRunRobot(tmp_path / "a", no_camera, [0.0, np.nan])
-    with pytest.raises(RobotError, match="seven joints"):
+    with pytest.raises(RobotError, match="7 joints"):
         DryRunRobot(tmp_path / "b", no_camera).follow(JointTrajectory(np.array([0.0, 1.0]), np.zeros((2, 6))))
 
 

@@ -108,7 +108,7 @@ def test_photographs_of_any_size(planner: DeepProMPPlanner, shape) -> None:
 
 @pytest.mark.parametrize("start", [[0.0] * 6, [np.nan] * 7])
 def test_start_is_checked(planner: DeepProMPPlanner, seen, start) -> None:
-    with pytest.raises(PlanningError, match="seven joint angles"):
+    with pytest.raises(PlanningError, match="7 joint angles"):
         planner.plan(seen[0], seen[1], start)
 
 

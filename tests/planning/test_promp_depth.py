@@ -90,7 +90,7 @@ def test_same_input_same_plan(planner: ProMPDepthPlanner) -> None:
             HOME,
             r"out of reach: .*berry 2 at \(1.600",
         ),
-        (Target(BOX, picking_point=np.array([0.75, 0.0, 0.7])), HOME[:6], "start: seven joint angles"),
+        (Target(BOX, picking_point=np.array([0.75, 0.0, 0.7])), HOME[:6], "start: 7 joint angles"),
         (
             Target(BOX, picking_point=np.array([0.75, 0.0, 0.7]), approach=np.array([0.0, 0.0, -1.0])),
             HOME,

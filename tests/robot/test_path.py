@@ -107,8 +107,8 @@ def test_a_jump_is_refused():
         (np.zeros((0, 4, 4)), None, "T ≥ 1"),
         (np.stack((np.eye(4), np.ones((4, 4)))), None, "pose 1 is not a rigid"),
         (np.full((1, 4, 4), np.nan), None, "pose 0 is not a rigid"),
-        (np.eye(4)[None], np.zeros(6), "seven"),
-        (np.eye(4)[None], np.full(7, np.nan), "seven"),
+        (np.eye(4)[None], np.zeros(6), "7 finite joints"),
+        (np.eye(4)[None], np.full(7, np.nan), "7 finite joints"),
     ],
 )
 def test_bad_input_is_refused(poses, start, words):

@@ -11,6 +11,7 @@ from punnet.cli.console import note, print_json, say, whisper
 from punnet.cli.eyes import perception_in_simulation
 from punnet.cli.harvest_progress import harvest_progress
 from punnet.cli.options import (
+    ArmName,
     DetectorName,
     Force,
     Json,
@@ -88,6 +89,7 @@ def harvest(
             help="simulated, or dry-run: nothing moves, each motion is written as a JointTrajectory file.",
         ),
     ] = "simulated",
+    arm: ArmName = "panda",
     resume: Annotated[
         bool,
         typer.Option("--resume", help="Go on with a harvest that was killed or interrupted in this folder."),
@@ -107,6 +109,10 @@ def harvest(
     dry = robot == "dry-run"
     if dry and (pick or resume):
         raise ConfigurationError("--robot dry-run writes files and has no attempts to look at or go on with")
+    if arm != "panda" and not dry:
+        raise ConfigurationError(
+            "--arm: the simulated arm is a Panda; another arm's motions are written with --robot dry-run"
+        )
     if resume:
         from punnet.harvest.folder import options_of
 
@@ -125,7 +131,7 @@ def harvest(
         }
         options |= {name: value for name, value in others.items() if value}
     if dry:
-        _rehearse(options, out, force=force, as_json=as_json)
+        _rehearse(options, arm, out, force=force, as_json=as_json)
         return
     report = _harvest(options, out, force=force, resume=resume)
     if as_json:
@@ -156,19 +162,24 @@ def _harvest(options: dict[str, Any], out: Path, *, force: bool = False, resume:
     return report
 
 
-def _rehearse(options: dict[str, Any], out: Path, *, force: bool, as_json: bool) -> None:
+def _rehearse(options: dict[str, Any], arm: str, out: Path, *, force: bool, as_json: bool) -> None:
     """The harvest that ``options`` say, as files."""
     import json
 
     from punnet.harvest.rehearsal import rehearse
     from punnet.harvest.scenario import Scenario
     from punnet.outputs import OutputFolder, write_text
+    from punnet.robot import load_arm
 
+    body = load_arm(arm)
     with OutputFolder(out, force=force) as output:
         whisper(f"growing the plant of seed {options['seed']}")
-        rehearsal = rehearse(Scenario(**options), output.path, lambda line, attempt: whisper(line))
+        rehearsal = rehearse(Scenario(**options), output.path, lambda line, attempt: whisper(line), body)
         told = rehearsal.to_json()
-        write_text(output.path / "harvest.json", json.dumps({"options": options, **told}, indent=2) + "\n")
+        write_text(
+            output.path / "harvest.json",
+            json.dumps({"options": {**options, "arm": arm}, **told}, indent=2) + "\n",
+        )
     if as_json:
         print_json({"out": str(out), **told})
         return

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 __all__ = [
+    "ArmName",
     "CameraFile",
     "DepthFile",
     "DetectorName",
@@ -75,6 +76,13 @@ CameraFile = Annotated[
         "--camera",
         help="JSON with width height fx fy cx cy; depth_scale and T_base_camera if known.",
         show_default=False,
+    ),
+]
+ArmName = Annotated[
+    str,
+    typer.Option(
+        "--arm",
+        help="The arm: panda, ur5 or xarm7, or a JSON file that names its model (URDF or MJCF), mount and limits.",
     ),
 ]
 PlannerBundle = Annotated[

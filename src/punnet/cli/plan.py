@@ -9,13 +9,13 @@ import typer
 
 from punnet.cli.console import note, print_json, say
 from punnet.cli.eyes import detector_for_photographs
-from punnet.cli.options import DetectorName, Force, Json, PlannerBundle, RgbFile, SpaceName
+from punnet.cli.options import ArmName, DetectorName, Force, Json, PlannerBundle, RgbFile, SpaceName
 from punnet.errors import ConfigurationError, PlanningError
 
 if TYPE_CHECKING:
     from punnet.movement import TrajectoryDistribution
     from punnet.planning import Planner
-    from punnet.robot import Panda
+    from punnet.robot import Arm
     from punnet.scene import Frame, Target
 
 __all__ = ["register"]
@@ -70,11 +70,12 @@ def plan(
         str | None,
         typer.Option(
             "--start",
-            help="Seven joint angles q1,...,q7 in radians the arm is at; without it home, or where the demonstrations start "
+            help="Joint angles q1,q2,... in radians the arm is at; without it home, or where the demonstrations start "
             "that a learned planner had.",
             show_default=False,
         ),
     ] = None,
+    arm: ArmName = "panda",
     out: Annotated[
         Path | None,
         typer.Option(
@@ -99,23 +100,25 @@ def plan(
     from punnet.planning import DeepProMPPlanner
     from punnet.planning.export import write_plan
     from punnet.planning.targeting import as_seen_from
-    from punnet.robot import HOME, Panda
+    from punnet.robot import load_arm
     from punnet.scene import Frame
 
     if (depth is None) != (camera is None):
         raise ConfigurationError("--depth and --camera belong together: give both or neither")
     box = None if target is None else _numbers(target, 4, "--target")
-    arm = Panda()
-    chosen = _planner(planner, planner_bundle, has_depth=depth is not None, arm=arm)
-    usual = chosen.home if isinstance(chosen, DeepProMPPlanner) else HOME
-    joints = usual if start is None else np.array(_numbers(start, 7, "--start"))
+    body = load_arm(arm)
+    chosen = _planner(planner, planner_bundle, has_depth=depth is not None, arm=body)
+    usual = chosen.home if isinstance(chosen, DeepProMPPlanner) else body.home
+    joints = usual if start is None else np.array(_numbers(start, body.joint_count, "--start"))
     frame = Frame.from_files(rgb, depth=depth, camera=camera)
     if depth is not None:
-        frame = as_seen_from(frame, joints, arm)
+        frame = as_seen_from(frame, joints, body)
     berry = _target(frame, box, detector)
     distribution = chosen.plan(frame, berry, joints)
-    trajectory = distribution.to_joint_trajectory(arm.limits, speed=PLAN_SPEED)
-    shown = distribution if space is SpaceName.JOINT else _over_poses(chosen, distribution, frame, berry, arm)
+    trajectory = distribution.to_joint_trajectory(body.limits, speed=PLAN_SPEED)
+    shown = (
+        distribution if space is SpaceName.JOINT else _over_poses(chosen, distribution, frame, berry, body)
+    )
     if out is None and not as_json:
         out = rgb.with_name(f"{rgb.stem}-reach")
     if out is not None:
@@ -135,7 +138,7 @@ def plan(
             }
         )
         return
-    flange = arm.forward_kinematics(trajectory.end)[:3, 3]
+    flange = body.forward_kinematics(trajectory.end)[:3, 3]
     goal, what = (flange, "the flange ends") if point is None else (point, f"berry {berry.berry_id} is")
     place = ", ".join(f"{value:.3f}" for value in goal)
     say(f"{chosen.name}: {what} at ({place}) m in the base frame: {trajectory.duration:.2f} s reach")
@@ -143,7 +146,7 @@ def plan(
         say(f"see {out}")
 
 
-def _planner(name: str | None, bundle: str | None, *, has_depth: bool, arm: Panda) -> Planner:
+def _planner(name: str | None, bundle: str | None, *, has_depth: bool, arm: Arm) -> Planner:
     """The planner of that name, or of that bundle or run."""
     from punnet.planning.named import DEFAULT_PLANNER, PLANNERS, planner_named
 
@@ -180,7 +183,7 @@ def _target(frame: Frame, box: list[float] | None, detector: str | None) -> Targ
 
 
 def _over_poses(
-    planner: Planner, planned: TrajectoryDistribution, frame: Frame, target: Target, arm: Panda
+    planner: Planner, planned: TrajectoryDistribution, frame: Frame, target: Target, arm: Arm
 ) -> TrajectoryDistribution:
     """The flange's poses: as the planner predicted them, or where the planned joints bring it."""
     from punnet.movement import ForwardKinematics, to_task_space

@@ -13,12 +13,10 @@ from punnet.harvest.punnets import slot_offset
 from punnet.movement import TrajectoryDistribution, retime
 from punnet.planning.approach import angles_of_approach, approach_rotation
 from punnet.robot import (
-    HOME,
     T_FLANGE_CAMERA,
-    T_FLANGE_TOOL,
+    Arm,
     GuardedRobot,
     MotionResult,
-    Panda,
     follow_path,
     nearest_solution,
 )
@@ -53,20 +51,20 @@ class Motions:
     """
 
     def __init__(
-        self, robot: GuardedRobot, arm: Panda, punnet_places: NDArray[np.float64], config: HarvestConfig
+        self, robot: GuardedRobot, arm: Arm, punnet_places: NDArray[np.float64], config: HarvestConfig
     ) -> None:
         self._robot = robot
         self._arm = arm
         self._punnets = punnet_places
         self._config = config
-        self._outside = self._inside = np.empty((0, 7))
+        self._outside = self._inside = np.empty((0, arm.joint_count))
         self._over_punnet: NDArray[np.float64] | None = None
 
     def go_home(self) -> MotionResult:
         """Tool closed and empty, arm to the pose that the plant is looked at from."""
         self._robot.separate(0.0)
         self._robot.release()
-        return self._through(np.stack((self._robot.joints(), HOME)), self._config.speed)
+        return self._through(np.stack((self._robot.joints(), self._arm.home)), self._config.speed)
 
     def require_home(self) -> None:
         """Home.
@@ -89,11 +87,11 @@ class Motions:
             If the arm can't hold it there.
         """
         rotation = approach_rotation(*angles_of_approach(direction))
-        T_tool_camera = invert_transform(T_FLANGE_TOOL) @ T_FLANGE_CAMERA
+        T_tool_camera = invert_transform(self._arm.T_flange_tool) @ T_FLANGE_CAMERA
         eye = point - np.array([0.0, 0.0, _BELOW_POINT]) - _VIEW_DISTANCE * direction
         tool = eye - rotation @ T_tool_camera[:3, 3]
         pose = self._arm.flange_pose(make_transform(rotation, tool))
-        joints = nearest_solution(pose, HOME, arm=self._arm)
+        joints = nearest_solution(pose, self._arm.home, arm=self._arm)
         return self._through(np.stack((self._robot.joints(), joints)), self._config.speed)
 
     def prepare(self, distribution: TrajectoryDistribution) -> NDArray[np.float64]:
@@ -161,7 +159,8 @@ class Motions:
         try:
             path = follow_path(poses, start, arm=self._arm)
         except KinematicsError:
-            path = np.stack((start, HOME))  # no straight way back from here: the way home leads out as well
+            # No straight way back from here: the way home leads out as well.
+            path = np.stack((start, self._arm.home))
         return self._through(path, self._config.careful_speed)
 
     def back_off(self) -> MotionResult:
@@ -178,11 +177,12 @@ class Motions:
         rotation = approach_rotation(_PLACE_YAW, _PLACE_PITCH)
         aside = _GRIP_TO_FRUIT * rotation[:2, 0]
         above, release = (
-            make_transform(rotation, floor + np.array([*aside, height])) @ invert_transform(T_FLANGE_TOOL)
+            make_transform(rotation, floor + np.array([*aside, height]))
+            @ invert_transform(self._arm.T_flange_tool)
             for height in (_ABOVE_WALL, _RELEASE_HEIGHT)
         )
-        over = self._over_punnet = nearest_solution(above, HOME, arm=self._arm)
-        moved = self._through(np.stack((self._robot.joints(), HOME, over)), self._config.speed)
+        over = self._over_punnet = nearest_solution(above, self._arm.home, arm=self._arm)
+        moved = self._through(np.stack((self._robot.joints(), self._arm.home, over)), self._config.speed)
         if not moved.reached:
             return moved
         down = nearest_solution(release, over, arm=self._arm)

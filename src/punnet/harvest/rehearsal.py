@@ -9,7 +9,7 @@ from typing import Any
 from punnet.harvest.attempts import HarvestRun, Outcome
 from punnet.harvest.loop import Listener
 from punnet.harvest.scenario import Scenario, Session
-from punnet.robot import DryRunRobot
+from punnet.robot import Arm, DryRunRobot, Panda
 
 __all__ = ["Rehearsal", "rehearse"]
 
@@ -44,7 +44,9 @@ class Rehearsal:
         }
 
 
-def rehearse(scenario: Scenario, folder: str | Path, listener: Listener | None = None) -> Rehearsal:
+def rehearse(
+    scenario: Scenario, folder: str | Path, listener: Listener | None = None, arm: Arm | None = None
+) -> Rehearsal:
     """Go through the harvest of a simulated plant with a robot that only writes files.
 
     The camera is the simulated one at home, so every look shows the whole plant; each berry is tried once, as if each
@@ -54,9 +56,13 @@ def rehearse(scenario: Scenario, folder: str | Path, listener: Listener | None =
     ----------
     folder
         Where ``0001-trajectory.json`` … and ``actions.jsonl`` go.
+    arm
+        Whose motions they are; the Panda's if None.
 
     Raises
     ------
+    PlanningError
+        If the arm can't follow what was demonstrated to the planner.
     OutputExistsError
         If the folder holds trajectories already.
     """
@@ -64,10 +70,10 @@ def rehearse(scenario: Scenario, folder: str | Path, listener: Listener | None =
     robots: list[DryRunRobot] = []
 
     def stand_in(camera: Any) -> DryRunRobot:
-        robots.append(DryRunRobot(folder, camera))
+        robots.append(DryRunRobot(folder, camera, (arm or Panda()).home))
         return robots[0]
 
-    with Session(replace(scenario, harvest=once), listener, stand_in) as session:
+    with Session(replace(scenario, harvest=once), listener, stand_in, arm) as session:
         run = session.run()
     robot = robots[0]
     return Rehearsal(run, tuple(path.name for path in robot.trajectories), robot.time)

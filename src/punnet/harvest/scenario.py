@@ -20,7 +20,7 @@ from punnet.perception import load_detector
 from punnet.perception.choosing import SIMULATION_DETECTOR
 from punnet.planning.choice import DEFAULT_CHOICE, with_choice
 from punnet.planning.named import DEFAULT_PLANNER, planner_named
-from punnet.robot import MotionGuard, Robot
+from punnet.robot import Arm, MotionGuard, Panda, Robot
 from punnet.scene import Frame
 from punnet.sim.camera_effects import NIGHT_CAMERA
 from punnet.sim.depth_sensor import StereoDepthModel
@@ -99,6 +99,8 @@ class Session:
         Told of each step.
     stand_in
         Makes of the simulated camera the robot that is told what to do, in place of the simulated one.
+    arm
+        The arm of that robot, in the place of the Panda, which the simulated one has.
     """
 
     def __init__(
@@ -106,6 +108,7 @@ class Session:
         scenario: Scenario,
         listener: Listener | None = None,
         stand_in: Callable[[Callable[[], Frame]], Robot] | None = None,
+        arm: Arm | None = None,
     ) -> None:
         self.scenario = scenario
         self._listener = listener
@@ -115,8 +118,8 @@ class Session:
         detector = None if scenario.perception == ORACLE else load_detector(scenario.perception)
         scale = OracleScale() if detector is None else load_weight_estimator()
         self.scale_name = scale.name
-        base = planner_named(scenario.planner, bundle=scenario.planner_bundle)
-        planner = with_choice(base, scenario.choice)
+        base = planner_named(scenario.planner, arm=arm, bundle=scenario.planner_bundle)
+        planner = with_choice(base, scenario.choice, arm)
         self.planner_name = planner.name
         world_seed, config = scenario.plant()
         self.world = build_world(world_seed, config)
@@ -137,7 +140,7 @@ class Session:
             PUNNET_PLACES,
             settings,
             self._listen,
-            MotionGuard(structure=structure_boxes(self.world)),
+            MotionGuard(arm or Panda(), structure_boxes(self.world)),
         )
         self._hanging = self.world.attached()
 

@@ -18,7 +18,7 @@ from punnet.planning.collision_cost import CHECKED_PHASES, collision_costs
 from punnet.planning.observed_scene import ObservedScene, observe
 from punnet.planning.planner import Planner
 from punnet.planning.straight_candidates import Candidates, draw_candidates, spread_offsets
-from punnet.robot import Panda
+from punnet.robot import Arm, Panda
 from punnet.scene import Frame, Target
 
 __all__ = ["CollisionAwarePlanner"]
@@ -44,7 +44,7 @@ class CollisionAwarePlanner:
     Parameters
     ----------
     planner
-        Gives distributions over the seven joints.
+        Gives distributions over the arm's joints.
     arm
         The arm with its tool.
     draws
@@ -61,7 +61,7 @@ class CollisionAwarePlanner:
     """
 
     planner: Planner
-    arm: Panda = field(default_factory=Panda)
+    arm: Arm = field(default_factory=Panda)
     draws: int = 64
     broadening: float = 0.05
     seed: int = 0
@@ -78,7 +78,7 @@ class CollisionAwarePlanner:
         return f"{self.planner.name} + collision-aware"
 
     def plan(self, frame: Frame, target: Target, start: NDArray[np.float64]) -> TrajectoryDistribution:
-        """Distribution of joint-space reaches from joints ``start`` (7,); its mean is the reach that was chosen.
+        """Distribution of joint-space reaches from joints ``start`` (J,); its mean is the reach that was chosen.
 
         Without a picking point there is nothing to come in straight at, and the planner's distribution is handed on; so
         it is if none of the drawn reaches is possible.
@@ -91,9 +91,9 @@ class CollisionAwarePlanner:
         planned = self.planner.plan(frame, target, start)
         if target.picking_point is None:
             return planned
-        if planned.space != "joint" or planned.dimensions != 7:
+        if planned.space != "joint" or planned.dimensions != self.arm.joint_count:
             raise PlanningError(
-                f"{self.name}: needs a distribution over seven joints, got {planned.space} space"
+                f"{self.name}: needs a distribution over {self.arm.joint_count} joints, got {planned.space} space"
             )
         q_start = np.asarray(start, dtype=np.float64)
         candidates = self.candidates(planned, target, q_start)

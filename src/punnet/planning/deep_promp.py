@@ -22,7 +22,8 @@ from punnet.planning.learned import BoxCamera, MovementModel, planner_bundle
 from punnet.planning.posed_joints import joints_of_poses
 from punnet.planning.promp_depth import ProMPDepthPlanner
 from punnet.planning.reaches import SIDE
-from punnet.robot import Panda
+from punnet.planning.retargeting import for_arm
+from punnet.robot import Arm, Panda
 from punnet.scene import Frame, Target
 
 __all__ = ["DeepProMPPlanner", "FusedPlanner"]
@@ -62,7 +63,7 @@ class DeepProMPPlanner:
     model: MovementModel
     demonstrated: TrajectoryDistribution
     camera: BoxCamera | None = None
-    arm: Panda = field(default_factory=Panda)
+    arm: Arm = field(default_factory=Panda)
     name: str = "deep-promp"
 
     def __post_init__(self) -> None:
@@ -74,17 +75,26 @@ class DeepProMPPlanner:
 
     @classmethod
     def from_bundle(
-        cls, bundle: Bundle | str | Path = DEFAULT_BUNDLE, *, arm: Panda | None = None
+        cls, bundle: Bundle | str | Path = DEFAULT_BUNDLE, *, arm: Arm | None = None
     ) -> DeepProMPPlanner:
         """Planner of a bundle of kind ``planner`` or of a training run; by default the one that comes along.
+
+        For an arm other than the Panda its demonstrations are :func:`~punnet.planning.retargeting.retargeted`.
 
         Raises
         ------
         BundleError
-            If it is damaged, of another kind, or of an arm with other joints.
+            If it is damaged, of another kind, or a model of joints asked for another arm.
+        PlanningError
+            If the arm can't follow the demonstrations.
         """
         model, settings, _ = planner_bundle(bundle)
-        return cls(model, settings.demonstrated, settings.camera, Panda() if arm is None else arm)
+        demonstrated, arm = for_arm(settings.demonstrated, arm)
+        if model.space == "joint" and not isinstance(arm, Panda):
+            raise BundleError(
+                f"{model.name} tells joints of the arm that it learnt from; for another arm take a model in task space"
+            )
+        return cls(model, demonstrated, settings.camera, arm)
 
     @property
     def space(self) -> Space:
@@ -93,7 +103,7 @@ class DeepProMPPlanner:
 
     @property
     def home(self) -> Array:
-        """(7,) joints that its demonstrations start from on average, radians, within the arm's limits."""
+        """(J,) joints that its demonstrations start from on average, radians, within the arm's limits."""
         limits = self.arm.limits
         start = self.demonstrated.mean([0.0])[0]
         return np.asarray(np.clip(start, limits.lower + LIMIT_MARGIN, limits.upper - LIMIT_MARGIN))
@@ -130,14 +140,14 @@ class DeepProMPPlanner:
             raise PlanningError(f"{self.name}: {error}") from error
 
     def plan(self, frame: Frame, target: Target, start: ArrayLike) -> TrajectoryDistribution:
-        """Distribution of joint-space reaches from joints ``start`` (7,) to the target.
+        """Distribution of joint-space reaches from joints ``start`` (J,) to the target.
 
         Raises
         ------
         PlanningError
             As :meth:`distribution`, or if the arm can't follow what was predicted.
         """
-        q_start = _joints(start)
+        q_start = _joints(start, self.arm.joint_count)
         predicted = self.distribution(frame, target)
         try:
             if predicted.space == "joint":
@@ -198,18 +208,18 @@ class FusedPlanner:
 
     @classmethod
     def from_bundle(
-        cls, bundle: Bundle | str | Path = DEFAULT_BUNDLE, *, arm: Panda | None = None
+        cls, bundle: Bundle | str | Path = DEFAULT_BUNDLE, *, arm: Arm | None = None
     ) -> FusedPlanner:
         """As :meth:`DeepProMPPlanner.from_bundle`."""
         return cls(DeepProMPPlanner.from_bundle(bundle, arm=arm))
 
     @property
-    def arm(self) -> Panda:
+    def arm(self) -> Arm:
         """The arm with its tool."""
         return self.deep.arm
 
     def plan(self, frame: Frame, target: Target, start: ArrayLike) -> TrajectoryDistribution:
-        """Distribution of joint-space reaches from joints ``start`` (7,), straight in to the picking point.
+        """Distribution of joint-space reaches from joints ``start`` (J,), straight in to the picking point.
 
         Raises
         ------
@@ -224,10 +234,10 @@ class FusedPlanner:
         return depth.plan(frame, target, start)
 
 
-def _joints(start: ArrayLike) -> Array:
+def _joints(start: ArrayLike, count: int) -> Array:
     joints = np.asarray(start, dtype=np.float64)
-    if joints.shape != (7,) or not np.isfinite(joints).all():
-        raise PlanningError(f"start: seven joint angles are needed, got {joints.shape} {start!r}")
+    if joints.shape != (count,) or not np.isfinite(joints).all():
+        raise PlanningError(f"start: {count} joint angles are needed, got {joints.shape} {start!r}")
     return joints
 
 

@@ -9,7 +9,7 @@ from punnet.errors import ConfigurationError
 from punnet.planning.deep_promp import DeepProMPPlanner, FusedPlanner
 from punnet.planning.planner import Planner
 from punnet.planning.promp_depth import ProMPDepthPlanner
-from punnet.robot import Panda
+from punnet.robot import Arm
 
 __all__ = ["DEFAULT_PLANNER", "PLANNERS", "planner_named"]
 
@@ -27,7 +27,7 @@ photograph; ``fused``: that, conditioned on the berry's place."""
 DEFAULT_PLANNER = "fused"
 
 
-def planner_named(name: str, *, arm: Panda | None = None, bundle: str | Path | None = None) -> Planner:
+def planner_named(name: str, *, arm: Arm | None = None, bundle: str | Path | None = None) -> Planner:
     """A planner of one of these names.
 
     Parameters

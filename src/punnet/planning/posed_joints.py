@@ -20,7 +20,7 @@ from punnet.movement import (
     condition_on_poses,
 )
 from punnet.movement.covariance import covariance_factor
-from punnet.robot import Panda
+from punnet.robot import Arm
 
 __all__ = ["joints_of_poses"]
 
@@ -34,9 +34,9 @@ BROADENING = 0.05
 
 
 def joints_of_poses(
-    predicted: TrajectoryDistribution, demonstrated: TrajectoryDistribution, arm: Panda, start: Array
+    predicted: TrajectoryDistribution, demonstrated: TrajectoryDistribution, arm: Arm, start: Array
 ) -> TrajectoryDistribution:
-    """Joint-space distribution from joints ``start`` (7,) whose flange follows a task-space one.
+    """Joint-space distribution from joints ``start`` (J,) whose flange follows a task-space one.
 
     Parameters
     ----------

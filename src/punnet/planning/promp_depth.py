@@ -26,7 +26,8 @@ from punnet.planning.approach import (
     comfortable_angles,
 )
 from punnet.planning.likely_joints import likely_joints
-from punnet.robot import Panda
+from punnet.planning.retargeting import for_arm
+from punnet.robot import Arm
 from punnet.scene import Frame, Target
 
 __all__ = ["APPROACH_DISTANCE", "APPROACH_PHASE", "ProMPDepthPlanner"]
@@ -55,7 +56,7 @@ class ProMPDepthPlanner:
     Parameters
     ----------
     promp
-        Joint-space distribution of the demonstrated reaches, seven degrees of freedom; from phase
+        Joint-space distribution of the demonstrated reaches, over the arm's joints; from phase
         :data:`APPROACH_PHASE` on a straight approach.
     arm
         The arm with its tool.
@@ -68,27 +69,29 @@ class ProMPDepthPlanner:
     Raises
     ------
     ConfigurationError
-        If the distribution is not one over seven joints.
+        If the distribution is not one over the arm's joints.
     """
 
     promp: TrajectoryDistribution
-    arm: Panda
+    arm: Arm
     broadening: float = 0.05
     name: str = "promp-depth"
 
     def __post_init__(self) -> None:
-        if self.promp.space != "joint" or self.promp.dimensions != 7:
+        if self.promp.space != "joint" or self.promp.dimensions != self.arm.joint_count:
             raise ConfigurationError(
-                f"{self.name}: a joint-space distribution over 7 joints is needed, "
+                f"{self.name}: a joint-space distribution over {self.arm.joint_count} joints is needed, "
                 f"got {self.promp.space} space with {self.promp.dimensions}"
             )
         self._prior = self.promp.broadened(self.broadening)
 
     @classmethod
     def from_bundle(
-        cls, bundle: str | Path = "promp-reach-sim", *, arm: Panda | None = None
+        cls, bundle: str | Path = "promp-reach-sim", *, arm: Arm | None = None
     ) -> ProMPDepthPlanner:
         """Planner with the distribution of a bundle of kind ``promp``, by default the one that comes along.
+
+        For an arm other than the Panda it is :func:`~punnet.planning.retargeting.retargeted`.
 
         Raises
         ------
@@ -96,9 +99,11 @@ class ProMPDepthPlanner:
             If the bundle is damaged or of another kind.
         FileFormatError
             If its ``promp.json`` is not a trajectory distribution.
+        PlanningError
+            If the arm can't follow the demonstrations.
         """
         data = load_bundle(bundle, kind="promp").read_json("promp.json")
-        return cls(TrajectoryDistribution.from_json(data), Panda() if arm is None else arm)
+        return cls(*for_arm(TrajectoryDistribution.from_json(data), arm))
 
     def plan(self, frame: Frame, target: Target, start: ArrayLike) -> TrajectoryDistribution:
         """Plan a distribution of joint-space reaches from ``start`` to the target's picking point.
@@ -113,7 +118,7 @@ class ProMPDepthPlanner:
         target
             The berry.
         start
-            Joints (7,) that the arm is at, radians.
+            Joints (J,) that the arm is at, radians.
 
         Raises
         ------
@@ -122,8 +127,10 @@ class ProMPDepthPlanner:
             and ``no straight approach: …`` if none of those can be entered on a straight line.
         """
         q_start = np.asarray(start, dtype=np.float64)
-        if q_start.shape != (7,) or not np.isfinite(q_start).all():
-            raise PlanningError(f"start: seven joint angles are needed, got {q_start.shape} {start!r}")
+        if q_start.shape != (self.arm.joint_count,) or not np.isfinite(q_start).all():
+            raise PlanningError(
+                f"start: {self.arm.joint_count} joint angles are needed, got {q_start.shape} {start!r}"
+            )
         point = target.picking_point
         if point is None:
             raise PlanningError(

@@ -22,7 +22,7 @@ from punnet.geometry import make_transform, quaternion_from_rotation, rotation_f
 from punnet.movement import GaussianBasis
 from punnet.movement.distribution import Space
 from punnet.planning.reaches import DEGREES, Movements, Reaches
-from punnet.robot import JOINT_NAMES, Panda
+from punnet.robot import JOINT_NAMES, Arm, Panda
 
 __all__ = ["COORDINATES", "SHARES", "ReachErrors", "join_errors", "reach_errors"]
 
@@ -131,7 +131,7 @@ class ReachErrors:
         }
 
 
-def reach_errors(found: Movements, reaches: Reaches, space: Space, arm: Panda | None = None) -> ReachErrors:
+def reach_errors(found: Movements, reaches: Reaches, space: Space, arm: Arm | None = None) -> ReachErrors:
     """Errors of what was predicted of each photograph of ``reaches``.
 
     Parameters
@@ -204,7 +204,7 @@ def _eq_5_13(found: Movements, true: Movements, basis: GaussianBasis) -> tuple[A
     return means, np.einsum("pdbc,pdcb->pd", weighted, weighted) / INSTANTS**2
 
 
-def _place(ends: Array, space: Space, arm: Panda) -> tuple[Array, Array]:
+def _place(ends: Array, space: Space, arm: Arm) -> tuple[Array, Array]:
     """Flange's position (P, 3) and unit quaternion (P, 4) at ends (P, 7)."""
     if space == "task":
         lengths = np.maximum(np.linalg.norm(ends[:, 3:], axis=1, keepdims=True), SMALLEST)
@@ -219,13 +219,13 @@ def _apart(found: Array, true: Array) -> Array:
     return np.asarray(np.minimum(np.linalg.norm(unit - found, axis=1), np.linalg.norm(unit + found, axis=1)))
 
 
-def _through_arm(joints: Array, spread: Array, arm: Panda) -> Array:
+def _through_arm(joints: Array, spread: Array, arm: Arm) -> Array:
     """Covariance (P, 3, 3) of the flange's position, of joints (P, 7) with covariance (P, 7, 7)."""
     jacobian = arm.jacobian(joints)[:, :3]
     return np.asarray(jacobian @ spread @ jacobian.transpose(0, 2, 1))
 
 
-def _tip(position: Array, orientation: Array, reaches: Reaches, arm: Panda) -> Array:
+def _tip(position: Array, orientation: Array, reaches: Reaches, arm: Arm) -> Array:
     tool = make_transform(rotation_from_quaternion(orientation), position) @ arm.T_flange_tool
     return np.asarray(np.linalg.norm(tool[:, :3, 3] - reaches.points[reaches.targets], axis=1))
 

@@ -16,7 +16,7 @@ from punnet.geometry import invert_transform
 from punnet.movement import TrajectoryDistribution, ViaPoint
 from punnet.planning.approach import approach_poses, approach_rotation
 from punnet.planning.promp_depth import APPROACH_DISTANCE, APPROACH_PHASE
-from punnet.robot import Panda
+from punnet.robot import Arm
 from punnet.robot.projection import projected
 
 __all__ = ["Candidates", "draw_candidates", "spread_offsets"]
@@ -38,9 +38,9 @@ class Candidates:
     prior
         What they are conditioned draws of.
     weights
-        (K, 7, B).
+        (K, J, B).
     joints
-        (K, 4, 7) at the via-points of the straight line in; NaN where the arm can't be on it.
+        (K, 4, J) at the via-points of the straight line in; NaN where the arm can't be on it.
     rotations
         (K, 3, 3) of the tool on that line.
     possible
@@ -54,7 +54,7 @@ class Candidates:
     possible: NDArray[np.bool_]
 
     def trajectories(self, phases: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Joints (K, T, 7) at phases (T,)."""
+        """Joints (K, T, J) at phases (T,)."""
         phi = self.prior.basis.derivative(phases, 0)
         return np.asarray(np.swapaxes(self.weights @ phi.T, 1, 2))
 
@@ -82,7 +82,7 @@ def spread_offsets(count: int, half_widths: NDArray[np.float64]) -> NDArray[np.f
 
 def draw_candidates(
     rng: np.random.Generator,
-    arm: Panda,
+    arm: Arm,
     planned: TrajectoryDistribution,
     start: NDArray[np.float64],
     point: NDArray[np.float64],
@@ -94,9 +94,9 @@ def draw_candidates(
     Parameters
     ----------
     planned
-        Distribution over the seven joints.
+        Distribution over the arm's joints.
     start, point
-        Joints (7,) that the arm is at, and the picking point (3,).
+        Joints (J,) that the arm is at, and the picking point (3,).
     turns
         (K, 3) yaw, pitch and roll of each approach: radians, as :func:`~punnet.planning.approach.approach_rotation`
         takes them. The first is drawn without chance.
@@ -107,7 +107,9 @@ def draw_candidates(
     prior = planned.broadened(broadening)
     rotations = approach_rotation(*turns.T)
     joints = _joints_on_line(arm, planned.mean([1.0])[0], point, rotations)
-    wanted = np.concatenate((np.broadcast_to(start, (len(turns), 1, 7)), np.nan_to_num(joints)), axis=1)
+    wanted = np.concatenate(
+        (np.broadcast_to(start, (len(turns), 1, arm.joint_count)), np.nan_to_num(joints)), axis=1
+    )
     weights = _conditioned(prior, _drawn(rng, planned, len(turns)), wanted)
     reached = np.asarray(np.isfinite(joints).all(axis=(1, 2)))
     candidates = Candidates(prior, weights, joints, rotations, reached)
@@ -117,23 +119,25 @@ def draw_candidates(
 
 
 def _joints_on_line(
-    arm: Panda, near: NDArray[np.float64], point: NDArray[np.float64], rotations: NDArray[np.float64]
+    arm: Arm, near: NDArray[np.float64], point: NDArray[np.float64], rotations: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Joints (K, 4, 7) at :data:`VIA_PHASES`: the end's the nearest to joints ``near`` (7,), the others' to those."""
+    """Joints (K, 4, J) at :data:`VIA_PHASES`: the end's the nearest to joints ``near`` (J,), the others' to those."""
     share_left = (1.0 - VIA_PHASES) / (1.0 - APPROACH_PHASE)
     poses = approach_poses(point, rotations, APPROACH_DISTANCE * share_left**2)
     poses = poses @ invert_transform(arm.T_flange_tool)
     count = len(rotations)
     ends = projected(arm, np.tile(near, (count, 1)), poses[:, -1])
     reached = np.isfinite(ends).all(axis=1)
-    joints = np.full((count, len(VIA_PHASES), 7), np.nan)
+    joints = np.full((count, len(VIA_PHASES), arm.joint_count), np.nan)
     flat = np.repeat(ends[reached], len(VIA_PHASES), axis=0)
-    joints[reached] = projected(arm, flat, poses[reached].reshape(-1, 4, 4)).reshape(-1, len(VIA_PHASES), 7)
+    joints[reached] = projected(arm, flat, poses[reached].reshape(-1, 4, 4)).reshape(
+        -1, len(VIA_PHASES), arm.joint_count
+    )
     return joints
 
 
 def _drawn(rng: np.random.Generator, planned: TrajectoryDistribution, count: int) -> NDArray[np.float64]:
-    """Weights (K, 7·B) of draws; the first is the mean, and every second one keeps to the mean's course."""
+    """Weights (K, J·B) of draws; the first is the mean, and every second one keeps to the mean's course."""
     eigenvalues, vectors = np.linalg.eigh(planned.weight_covariance)
     noise = rng.standard_normal((count, len(eigenvalues)))
     noise[::2] = 0.0
@@ -144,16 +148,16 @@ def _drawn(rng: np.random.Generator, planned: TrajectoryDistribution, count: int
 def _conditioned(
     prior: TrajectoryDistribution, weights: NDArray[np.float64], wanted: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Weights (K, 7, B) of draws (K, 7·B) that pass the joints ``wanted`` (K, 5, 7) at phase 0 and on the line in."""
+    """Weights (K, J, B) of draws (K, J·B) that pass the joints ``wanted`` (K, 5, J) at phase 0 and on the line in."""
     phi = prior.basis.derivative(np.concatenate(([0.0], VIA_PHASES)), 0)
-    A = np.einsum("pb,de->pdeb", phi, np.eye(7)).reshape(-1, prior.weight_covariance.shape[0])
+    A = np.einsum("pb,de->pdeb", phi, np.eye(prior.dimensions)).reshape(-1, prior.weight_covariance.shape[0])
     cross = prior.weight_covariance @ A.T
     gain = np.linalg.solve(A @ cross + _REGULARISATION * np.eye(len(A)), cross.T)
     missed = wanted.reshape(len(wanted), -1) - weights @ A.T
-    return np.asarray((weights + missed @ gain).reshape(len(weights), 7, -1))
+    return np.asarray((weights + missed @ gain).reshape(len(weights), prior.dimensions, -1))
 
 
-def _keeps_to_line(arm: Panda, candidates: Candidates, point: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _keeps_to_line(arm: Arm, candidates: Candidates, point: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Whether the tool of each (K,) is near its line over the last stretch, does not overshoot, and no joint at a limit."""
     tool = arm.forward_kinematics_tool(candidates.trajectories(_CHECKED))[..., :3, 3] - point
     forward = candidates.rotations[:, None, :, 2]

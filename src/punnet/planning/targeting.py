@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from punnet.errors import PlanningError, ShapeError
-from punnet.robot import T_FLANGE_CAMERA, Panda
+from punnet.robot import T_FLANGE_CAMERA, Arm, Panda
 from punnet.scene import Frame, Strawberries, Target
 
 __all__ = ["as_seen_from", "choose_target"]
 
 
-def as_seen_from(frame: Frame, joints: ArrayLike, arm: Panda | None = None) -> Frame:
-    """Return the frame with ``T_base_camera``, which is computed from ``joints`` (7,) where it is not known.
+def as_seen_from(frame: Frame, joints: ArrayLike, arm: Arm | None = None) -> Frame:
+    """Return the frame with ``T_base_camera``, which is computed from ``joints`` (J,) where it is not known.
 
     The camera is taken to sit where :data:`~punnet.robot.T_FLANGE_CAMERA` says.
     """

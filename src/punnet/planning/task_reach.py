@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from punnet.errors import PlanningError
 from punnet.movement import TrajectoryDistribution
-from punnet.robot import Panda, follow_path
+from punnet.robot import Arm, Panda, follow_path
 
 __all__ = ["joints_along"]
 
@@ -18,10 +18,10 @@ def joints_along(
     distribution: TrajectoryDistribution,
     start: ArrayLike,
     *,
-    arm: Panda | None = None,
+    arm: Arm | None = None,
     samples: int = POSES,
 ) -> NDArray[np.float64]:
-    """Joints (T, 7) whose tool follows the mean of a task-space distribution, beginning near joints ``start``.
+    """Joints (T, J) whose tool follows the mean of a task-space distribution, beginning near joints ``start``.
 
     :func:`punnet.movement.retime` gives them their time.
 

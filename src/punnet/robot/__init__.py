@@ -1,5 +1,7 @@
-"""The arm: the Robot protocol, where the picker sits, and the Panda's kinematics."""
+"""The arm: the Robot protocol, where the picker sits, the Panda's kinematics, and any other arm as data."""
 
+from punnet.robot.arm import Arm
+from punnet.robot.arm_file import ARMS, load_arm
 from punnet.robot.arm_shape import Boxes
 from punnet.robot.dry_run import DryRunRobot
 from punnet.robot.nearest import nearest_solution, nearest_solutions
@@ -7,9 +9,11 @@ from punnet.robot.panda import HOME, JOINT_NAMES, PANDA_LIMITS, PANDA_TORQUE, Pa
 from punnet.robot.path import follow_path
 from punnet.robot.protocol import TOO_THICK, CutResult, GripResult, MotionResult, Robot
 from punnet.robot.safety import GuardedRobot, MotionGuard
+from punnet.robot.serial_arm import SerialArm
 from punnet.robot.tool import BLADE_ABOVE_GRIP, T_FLANGE_CAMERA, T_FLANGE_TOOL
 
 __all__ = [
+    "ARMS",
     "BLADE_ABOVE_GRIP",
     "HOME",
     "JOINT_NAMES",
@@ -18,6 +22,7 @@ __all__ = [
     "TOO_THICK",
     "T_FLANGE_CAMERA",
     "T_FLANGE_TOOL",
+    "Arm",
     "Boxes",
     "CutResult",
     "DryRunRobot",
@@ -27,7 +32,9 @@ __all__ = [
     "MotionResult",
     "Panda",
     "Robot",
+    "SerialArm",
     "follow_path",
+    "load_arm",
     "nearest_solution",
     "nearest_solutions",
 ]

@@ -38,20 +38,20 @@ class DryRunRobot:
     camera
         Gives a frame when the robot looks; its timestamp is set to the robot's clock.
     joints
-        Where the arm is at first.
+        Where the arm is at first, (J,) radians.
 
     Raises
     ------
     ShapeError
-        If the joints are not seven finite numbers.
+        If the joints are not a list of finite numbers.
     OutputExistsError
         If the folder holds trajectories already.
     """
 
     def __init__(self, folder: str | Path, camera: Callable[[], Frame], joints: ArrayLike = HOME) -> None:
         self._joints = np.array(joints, dtype=np.float64)
-        if self._joints.shape != (7,) or not np.isfinite(self._joints).all():
-            raise ShapeError(f"dry run: seven finite joint angles are needed, got {joints!r}")
+        if self._joints.ndim != 1 or not self._joints.size or not np.isfinite(self._joints).all():
+            raise ShapeError(f"dry run: a list of finite joint angles is needed, got {joints!r}")
         self._folder = Path(folder)
         self._camera = camera
         self._time = 0.0
@@ -65,7 +65,7 @@ class DryRunRobot:
         return self._time
 
     def joints(self) -> NDArray[np.float64]:
-        """Where the arm would be (7,)."""
+        """Where the arm would be (J,)."""
         return self._joints.copy()
 
     def look(self) -> Frame:
@@ -82,9 +82,9 @@ class DryRunRobot:
         RobotError
             If it has other joints than the arm.
         """
-        if trajectory.positions.shape[1] != 7:
+        if trajectory.positions.shape[1] != len(self._joints):
             raise RobotError(
-                f"dry run: a trajectory of seven joints is needed, got {trajectory.positions.shape}"
+                f"dry run: a trajectory of {len(self._joints)} joints is needed, got {trajectory.positions.shape}"
             )
         path = self._folder / f"{len(self.trajectories) + 1:04d}-trajectory.json"
         write_text(path, json.dumps(trajectory.to_json()) + "\n")

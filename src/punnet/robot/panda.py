@@ -25,8 +25,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from punnet.errors import ShapeError
-from punnet.geometry import invert_transform, is_transform
-from punnet.movement import ForwardKinematics, JointLimits
+from punnet.movement import JointLimits
+from punnet.robot.arm import Arm
+from punnet.robot.arm_shape import PICKER_PIECES, ArmShape, Piece
 from punnet.robot.tool import T_FLANGE_TOOL
 
 __all__ = ["HOME", "JOINT_NAMES", "PANDA_LIMITS", "PANDA_TORQUE", "Panda"]
@@ -64,9 +65,33 @@ for _constant in (PANDA_TORQUE, HOME):
     _constant.setflags(write=False)
 
 
+# Parts in order along the arm. A piece is: part, frame, its two ends in that frame, radius; metres.
+# Frames 1 … 7 are the links' by modified Denavit–Hartenberg, 8 is the flange, 0 the base.
+_BASE, _SHOULDER, _UPPER_ARM, _FOREARM, _WRIST, _PICKER = range(6)
+_PIECES: tuple[tuple[int, int, Piece], ...] = (
+    (_BASE, 0, ((0.0, 0.0, 0.06), (0.0, 0.0, 0.20), 0.085)),
+    (_BASE, 0, ((-0.09, -0.03, 0.05), (-0.09, 0.03, 0.05), 0.085)),
+    (_BASE, 0, ((-0.05, 0.0, 0.06), (0.0, 0.0, 0.06), 0.085)),
+    (_SHOULDER, 1, ((0.0, 0.0, -0.10), (0.0, 0.0, 0.0), 0.085)),
+    (_SHOULDER, 2, ((0.0, 0.0, -0.07), (0.0, 0.0, 0.07), 0.075)),
+    (_UPPER_ARM, 3, ((0.0, 0.0, -0.20), (0.0, 0.0, 0.0), 0.075)),
+    (_UPPER_ARM, 4, ((0.0, 0.0, -0.07), (0.0, 0.0, 0.07), 0.070)),
+    (_FOREARM, 5, ((0.0, 0.0, -0.33), (0.0, 0.0, -0.22), 0.070)),
+    (_FOREARM, 5, ((0.0, 0.03, -0.20), (0.0, 0.075, -0.02), 0.055)),
+    (_WRIST, 6, ((0.0, 0.0, -0.06), (0.0, 0.0, 0.02), 0.070)),
+    (_WRIST, 6, ((0.03, 0.015, 0.0), (0.08, 0.015, 0.0), 0.070)),
+    (_WRIST, 7, ((0.0, 0.0, 0.02), (0.0, 0.0, 0.09), 0.055)),
+    (_WRIST, 7, ((0.02, 0.02, 0.08), (0.048, 0.048, 0.08), 0.048)),
+    *((_PICKER, 8, piece) for piece in PICKER_PIECES),
+)
+# Neighbours along the arm always touch; between base and upper arm there always is air.
+_TOGETHER = frozenset({(part, part + 1) for part in range(_PICKER)} | {(_BASE, _UPPER_ARM)})
+_SHAPE = ArmShape.of_pieces(_PIECES, together=_TOGETHER, standing=_SHOULDER)
+
+
 @dataclass(frozen=True, eq=False)
-class Panda:
-    """The arm with a tool on its flange.
+class Panda(Arm):
+    """The Panda with a tool on its flange, J = 7. Links are frames 1 … 7 of the table above.
 
     Parameters
     ----------
@@ -85,18 +110,19 @@ class Panda:
     limits: JointLimits = PANDA_LIMITS
 
     def __post_init__(self) -> None:
-        T = np.array(self.T_flange_tool, dtype=np.float64)
-        if not is_transform(T):
-            raise ShapeError("panda: T_flange_tool is not a 4×4 rigid transform")
+        super().__post_init__()
         if len(self.limits) != 7:
             raise ShapeError(f"panda: limits of seven joints needed, got {len(self.limits)}")
-        T.setflags(write=False)
-        object.__setattr__(self, "T_flange_tool", T)
 
     @property
     def home(self) -> NDArray[np.float64]:
         """Home joints (7,)."""
         return HOME.copy()
+
+    @property
+    def shape(self) -> ArmShape:
+        """Spheres that hold arm and picker."""
+        return _SHAPE
 
     def forward_kinematics(self, joints: ArrayLike) -> NDArray[np.float64]:
         """Flange poses ``T_base_flange`` (..., 4, 4) of joints (..., 7).
@@ -106,7 +132,7 @@ class Panda:
         ShapeError
             If the last axis is not seven long.
         """
-        q = _joints(joints)
+        q = self._joints(joints)
         T = np.zeros((*q.shape[:-1], 4, 4))
         for column, axis in enumerate(_link_frames(q)[-1]):
             T[..., :3, column] = np.moveaxis(axis, 0, -1)
@@ -116,7 +142,7 @@ class Panda:
 
     def link_poses(self, joints: ArrayLike) -> NDArray[np.float64]:
         """Poses (..., 9, 4, 4) in the base frame of the base itself, links 1 … 7 and the flange, for joints (..., 7)."""
-        q = _joints(joints)
+        q = self._joints(joints)
         T = np.zeros((*q.shape[:-1], 9, 4, 4))
         T[..., 3, 3] = 1.0
         T[..., 0, :3, :3] = np.eye(3)
@@ -126,20 +152,12 @@ class Panda:
         T[..., 8, :, :] = self.forward_kinematics(q)
         return T
 
-    def forward_kinematics_tool(self, joints: ArrayLike) -> NDArray[np.float64]:
-        """Tool poses ``T_base_tool`` (..., 4, 4) of joints (..., 7)."""
-        return self.forward_kinematics(joints) @ self.T_flange_tool
-
-    def flange_pose(self, T_base_tool: ArrayLike) -> NDArray[np.float64]:
-        """Flange poses ``T_base_flange`` (..., 4, 4) that put the tool at ``T_base_tool`` (..., 4, 4)."""
-        return np.asarray(T_base_tool, dtype=np.float64) @ invert_transform(self.T_flange_tool)
-
     def jacobian(self, joints: ArrayLike) -> NDArray[np.float64]:
         """Geometric Jacobian (..., 6, 7) of the flange's origin in the base frame.
 
         Rows 0–2 take joint rates to the linear velocity in m/s, rows 3–5 to the angular velocity in rad/s.
         """
-        q = _joints(joints)
+        q = self._joints(joints)
         frames = _link_frames(q)
         end = frames[-1][3] + FLANGE_LENGTH * frames[-1][2]
         axis = np.stack([frame[2] for frame in frames], axis=1)  # (3, 7, ...)
@@ -150,39 +168,6 @@ class Panda:
         J[2] = axis[0] * lever[1] - axis[1] * lever[0]
         J[3:] = axis
         return np.moveaxis(J, (0, 1), (-2, -1))
-
-    def jacobian_tool(self, joints: ArrayLike) -> NDArray[np.float64]:
-        """Geometric Jacobian (..., 6, 7) of the tool's origin in the base frame, rows as :meth:`jacobian`."""
-        J = self.jacobian(joints)
-        lever = self.forward_kinematics(joints)[..., :3, :3] @ self.T_flange_tool[:3, 3]
-        J[..., :3, :] += np.cross(J[..., 3:, :], lever[..., None], axis=-2)
-        return J
-
-    @property
-    def tool_kinematics(self) -> ForwardKinematics:
-        """The tool's kinematics as movement primitives take them, to condition on poses of the tool."""
-        return ForwardKinematics(self.forward_kinematics_tool, self.jacobian_tool)
-
-    def manipulability(self, joints: ArrayLike) -> NDArray[np.float64]:
-        """Yoshikawa's measure √det(J Jᵀ) (...) of the flange; 0 at a singularity, about 0.06 at home."""
-        J = self.jacobian(joints)
-        return np.asarray(np.sqrt(np.maximum(np.linalg.det(J @ np.swapaxes(J, -1, -2)), 0.0)))
-
-    def limit_margin(self, joints: ArrayLike) -> NDArray[np.float64]:
-        """Radians (...) from the nearest position limit; negative outside, NaN for NaN joints."""
-        q = _joints(joints)
-        return np.asarray(np.minimum(q - self.limits.lower, self.limits.upper - q).min(axis=-1))
-
-    def within_limits(self, joints: ArrayLike, margin: float = 0.0) -> NDArray[np.bool_]:
-        """Whether joints (..., 7) keep at least ``margin`` radians from every position limit; not if NaN."""
-        return np.asarray(self.limit_margin(joints) >= margin)
-
-
-def _joints(joints: ArrayLike) -> NDArray[np.float64]:
-    q = np.asarray(joints, dtype=np.float64)
-    if q.shape[-1:] != (7,):
-        raise ShapeError(f"panda: joints must be (..., 7), got {q.shape}")
-    return q
 
 
 def _link_frames(q: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], ...]]:

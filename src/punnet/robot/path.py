@@ -1,10 +1,10 @@
 """Joint paths along flange poses: which branch, and how the free joint moves.
 
-:func:`follow_path` guesses in two ways, completes both guesses and keeps the cheaper one. Guess one is a
-straight line in joint space to the nearest solution of the last pose. Guess two comes from
-:mod:`punnet.robot.sweep`, over some of the poses. If both fail the start is tracked from pose to pose, and
-at last the sweep looks at every pose. A guess is completed by moving every point onto its pose and smoothing
-the path within its poses. Cost: squared joint motion, nearness to limits and singularities.
+:func:`follow_path` guesses in two ways, completes both guesses and keeps the cheaper one. Guess one is a straight line in joint
+space to the nearest solution of the last pose. Guess two comes from :mod:`punnet.robot.sweep`, over some of the poses. If both
+fail the start is tracked from pose to pose, and at last the sweep looks at every pose. A guess is completed by moving every
+point onto its pose and smoothing the path within its poses. Cost: squared joint motion, nearness to limits and singularities.
+J is the arm's number of joints, 7 for the Panda.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from punnet.errors import KinematicsError, ShapeError
 from punnet.geometry import pose_error
+from punnet.robot.arm import Arm
 from punnet.robot.nearest import MARGIN, nearest_solution
 from punnet.robot.panda import Panda
 from punnet.robot.projection import projected, relaxed
@@ -35,21 +36,21 @@ def follow_path(
     T_base_flange: ArrayLike,
     start: ArrayLike | None = None,
     *,
-    arm: Panda | None = None,
+    arm: Arm | None = None,
     margin: float = MARGIN,
     largest_step: float = 0.3,
 ) -> Array:
-    """Continuous joints (T, 7) along flange poses (T, 4, 4).
+    """Continuous joints (T, J) along flange poses (T, 4, 4).
 
     Parameters
     ----------
     T_base_flange
         Poses (T, 4, 4) in metres, base frame, T ≥ 1, dense: neighbours a few centimetres and degrees apart.
     start
-        Joints (7,) that the path should begin near; exactly there if they reach the first pose. None:
+        Joints (J,) that the path should begin near; exactly there if they reach the first pose. None:
         anywhere.
     arm
-        For its limits; the Panda if None.
+        The Panda if None.
     margin
         Radians to keep from the limits (less if ``start`` itself is nearer to one).
     largest_step
@@ -64,7 +65,7 @@ def follow_path(
         If poses or start have the wrong shape or are not rigid transforms.
     """
     arm = arm or Panda()
-    poses, home = _validated(T_base_flange, start)
+    poses, home = _validated(T_base_flange, start, arm)
     if home is not None:
         margin = min(margin, max(0.0, float(arm.limit_margin(home))))
     request = PathRequest(poses, home, arm, margin, largest_step)
@@ -83,8 +84,8 @@ def follow_path(
 
 
 def _straight(request: PathRequest) -> Array:
-    """Guess (T, 7): from the start straight to the solution of the last pose that is nearest to it."""
-    start = request.first()
+    """Guess (T, J): from the start straight to the solution of the last pose that is nearest to it."""
+    start = request.first
     if start is None:
         raise KinematicsError("pose 0 of the path: the start is elsewhere")
     end = nearest_solution(request.poses[-1], start, arm=request.arm, margin=request.margin)
@@ -95,8 +96,8 @@ def _straight(request: PathRequest) -> Array:
 
 
 def _tracked(request: PathRequest) -> Array:
-    """Guess (T, 7): from the start pose by pose, each time by the shortest way."""
-    joints = request.first()
+    """Guess (T, J): from the start pose by pose, each time by the shortest way."""
+    joints = request.first
     if joints is None:
         raise KinematicsError("pose 0 of the path: the start is elsewhere")
     path = [joints]
@@ -113,11 +114,11 @@ def _fine(request: PathRequest) -> Array:
     return swept_path(request, 1)
 
 
-def _cost(path: Array, arm: Panda) -> float:
+def _cost(path: Array, arm: Arm) -> float:
     return float(len(path) * np.square(np.diff(path, axis=0)).sum() + discomfort(path, arm).mean())
 
 
-def _validated(T_base_flange: ArrayLike, start: ArrayLike | None) -> tuple[Array, Array | None]:
+def _validated(T_base_flange: ArrayLike, start: ArrayLike | None, arm: Arm) -> tuple[Array, Array | None]:
     poses = np.asarray(T_base_flange, dtype=np.float64)
     if poses.ndim != 3 or poses.shape[1:] != (4, 4) or len(poses) == 0:
         raise ShapeError(f"follow_path: poses must be (T ≥ 1, 4, 4), got {poses.shape}")
@@ -127,8 +128,8 @@ def _validated(T_base_flange: ArrayLike, start: ArrayLike | None) -> tuple[Array
     if start is None:
         return poses, None
     home = np.asarray(start, dtype=np.float64)
-    if home.shape != (7,) or not np.isfinite(home).all():
-        raise ShapeError(f"follow_path: start must be seven finite joints, got {home.shape}")
+    if home.shape != (arm.joint_count,) or not np.isfinite(home).all():
+        raise ShapeError(f"follow_path: start must be {arm.joint_count} finite joints, got {home.shape}")
     return poses, home
 
 
@@ -142,7 +143,7 @@ def _rigid(poses: Array) -> NDArray[np.bool_]:
 
 
 def _completed(request: PathRequest, guess: Array) -> Array:
-    """Bring a guess (T, 7) onto the poses, smooth it and check it for limits and jumps."""
+    """Bring a guess (T, J) onto the poses, smooth it and check it for limits and jumps."""
     path = projected(request.arm, guess, request.poses)
     inside = request.arm.within_limits(path, request.margin - SLACK)
     if not inside.all():

@@ -1,9 +1,9 @@
 """Joints brought exactly onto poses, and smoothed along a path without leaving its poses.
 
-The branches of :mod:`punnet.robot.inverse_kinematics` are exact but, with q7 as parameter, awkward where
+The Panda's branches of :mod:`punnet.robot.inverse_kinematics` are exact but, with q7 as parameter, awkward where
 q7 is a bad coordinate: where two wrist branches meet, or with a vertical upper arm (q2 = 0). A joint path
-that is nearly right passes there smoothly when each of its points is moved to the nearest arm that holds
-the pose.
+that is nearly right passes there smoothly when each of its points is moved to the nearest posture that holds
+the pose. J is the number of joints, 7 for the Panda.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
-from punnet.robot.panda import Panda
+from punnet.robot.arm import Arm
 
 __all__ = ["projected", "relaxed"]
 
@@ -27,8 +27,8 @@ SMOOTHING = 3e4
 FIXED = 1e9
 
 
-def projected(arm: Panda, joints: Array, poses: Array) -> Array:
-    """Move joints (N, 7) onto flange poses (N, 4, 4) by the shortest way; NaN rows where that fails.
+def projected(arm: Arm, joints: Array, poses: Array) -> Array:
+    """Move joints (N, J) onto flange poses (N, 4, 4) by the shortest way; NaN rows where that fails.
 
     Gauss–Newton steps ``Jᵀ(JJᵀ + μI)⁻¹ e`` with damping μ ∝ |e|² (Levenberg–Marquardt, quadratic near the
     solution).
@@ -61,8 +61,8 @@ def _pose_error(T: Array, wanted: Array) -> Array:
     return np.concatenate((wanted[:, :3, 3] - T[:, :3, 3], turn), axis=1)
 
 
-def relaxed(arm: Panda, joints: Array, poses: Array, *, rounds: int = 4, margin: float = 0.0) -> Array:
-    """Smooth a joint path (T, 7) within the freedom that its poses (T, 4, 4) leave; both ends stay.
+def relaxed(arm: Arm, joints: Array, poses: Array, *, rounds: int = 4, margin: float = 0.0) -> Array:
+    """Smooth a joint path (T, J) within the freedom that its poses (T, 4, 4) leave; both ends stay.
 
     Each round low-passes the path (least squares with a penalty on second differences) and projects it
     back. A round that would come nearer to a limit than ``margin``, or fail, is not taken.

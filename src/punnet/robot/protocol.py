@@ -58,7 +58,7 @@ class Robot(Protocol):
         ...
 
     def joints(self) -> NDArray[np.float64]:
-        """Measured joint angles (7,)."""
+        """Measured joint angles (J,); J = 7 for the Panda."""
         ...
 
     def look(self) -> Frame:

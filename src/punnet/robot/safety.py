@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from punnet.errors import ConfigurationError
 from punnet.movement import JointTrajectory
+from punnet.robot.arm import Arm
 from punnet.robot.arm_shape import Boxes, self_clearance, structure_clearance
 from punnet.robot.panda import Panda
 from punnet.robot.protocol import CutResult, GripResult, MotionResult, Robot
@@ -59,7 +60,7 @@ class MotionGuard:
         If the clearance is no length.
     """
 
-    arm: Panda = field(default_factory=Panda)
+    arm: Arm = field(default_factory=Panda)
     structure: Boxes = field(default_factory=Boxes.none)
     clearance: float = 0.015
 
@@ -68,7 +69,7 @@ class MotionGuard:
             raise ConfigurationError(f"guard: clearance must be metres in [0, 1), got {self.clearance}")
 
     def refusal(self, trajectory: JointTrajectory, joints: NDArray[np.float64]) -> Refusal | None:
-        """Why ``trajectory`` must not be executed by an arm that is at ``joints`` (7,); None if it may.
+        """Why ``trajectory`` must not be executed by an arm that is at ``joints`` (J,); None if it may.
 
         What already is too near at the start may be left, but not come nearer.
         """
@@ -152,7 +153,7 @@ class GuardedRobot:
         return self._robot.time
 
     def joints(self) -> NDArray[np.float64]:
-        """Measured joint angles (7,)."""
+        """Measured joint angles (J,)."""
         return self._robot.joints()
 
     def look(self) -> Frame:
