@@ -143,3 +143,15 @@ def test_limits_are_validated():
         JointLimits(**{**good, "upper": good["lower"]})
     with pytest.raises(ShapeError, match="names"):
         JointLimits(**good, joint_names=("a",))
+
+
+def test_a_movement_that_dawdles_before_it_turns_is_not_all_slow():
+    """A step aside by 20 mrad at a snail's pace, then the reach: as demonstrations by hand begin."""
+    phase = np.linspace(0.0, 1.0, 150)
+    reach = np.where(phase < 0.2, 0.0, (phase - 0.2) / 0.8)
+    smooth = np.outer(reach**3 * (10.0 - 15.0 * reach + 6.0 * reach**2), [0.3, 1.4, -1.5])
+    aside = np.outer(0.02 * np.exp(-np.square((phase - 0.12) / 0.05)), [-1.0, 0.6, 0.0])
+    path = np.array([0.0, -0.5, -0.8]) + smooth + aside
+    dawdling, straight = retime(path, LIMITS, speed=0.5), retime(path[[0, -1]], LIMITS, speed=0.5)
+    assert_within_limits(dawdling, LIMITS.slowed(0.5))
+    assert dawdling.duration < 2.0 * straight.duration

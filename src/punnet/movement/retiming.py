@@ -2,7 +2,9 @@
 
 1. The path is rounded to a quintic B-spline (C⁴, so even jerk is continuous along it) whose control
    points lie on the path: the curve stays in the hull of the path, so it can't overshoot a joint limit,
-   and starts and ends exactly where the path does.
+   and starts and ends exactly where the path does. Its parameter x runs with the path's length, or slower where points
+   lie close: a movement that dawdles before it turns would be a sharp corner in its length, and all of it as slow
+   as that corner. What is quickest counts.
 2. The place x on the path follows a jerk-limited profile (ruckig). Its bounds come from
    ``q̇ = q'ẋ``, ``q̈ = q''ẋ² + q'ẍ``, ``q⃛ = q'''ẋ³ + 3q''ẋẍ + q'x⃛`` at their largest along the path.
 3. The sampled trajectory is verified at and between its samples, and stretched in time until velocity,
@@ -25,6 +27,8 @@ from punnet.movement.joint_trajectory import JointTrajectory
 __all__ = ["JointLimits", "retime"]
 
 DEGREE = 5
+SPACINGS = (0.0, 0.3, 1.0, 3.0)
+"""What each step of the path counts for beside its length, of the mean length: 0 forgets how points are spaced."""
 CONTROL_POINTS = (6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
 VELOCITY_FRACTIONS = (1.0, 0.9, 0.8, 0.7, 0.55, 0.4)
 SAME_POINT = 1e-9
@@ -102,7 +106,8 @@ def retime(
     Parameters
     ----------
     path
-        (N, J) joint positions in radians, N ≥ 2; their spacing does not matter, repeats are ignored.
+        (N, J) joint positions in radians, N ≥ 2; repeats are ignored. Points may lie as they come: closer ones are a hint of
+        where a movement is slow, taken only if it is quicker for it.
     limits
         What the arm may do.
     speed
@@ -144,12 +149,15 @@ def retime(
             np.array([0.0, max(time_step, at_least)]), points[[0, 0]], rest, rest.copy(), limits.joint_names
         )
     allowed = limits.slowed(speed)
-    spline = _rounded(points, allowed.velocity, tolerance)
-    candidates = (
-        _timed(spline, profile, allowed, time_step, at_least)
-        for profile in _profiles(spline, allowed, time_step)
+    spline, profiles = min(
+        (
+            (rounded, _profiles(rounded, allowed, time_step))
+            for rounded in (_rounded(points, allowed.velocity, spacing, tolerance) for spacing in SPACINGS)
+        ),
+        key=lambda candidate: min(profile.duration for profile in candidate[1]),
     )
-    return min(candidates, key=lambda trajectory: trajectory.duration)
+    timed = (_timed(spline, profile, allowed, time_step, at_least) for profile in profiles)
+    return min(timed, key=lambda trajectory: trajectory.duration)
 
 
 def _validated_path(path: ArrayLike, limits: JointLimits) -> NDArray[np.float64]:
@@ -174,14 +182,17 @@ def _validated_path(path: ArrayLike, limits: JointLimits) -> NDArray[np.float64]
     return kept
 
 
-def _rounded(points: NDArray[np.float64], velocity: NDArray[np.float64], tolerance: float) -> BSpline:
+def _rounded(
+    points: NDArray[np.float64], velocity: NDArray[np.float64], spacing: float, tolerance: float
+) -> BSpline:
     """Quintic B-spline with the fewest control points on the path that stays within ``tolerance`` of it.
 
-    The parameter x is the time in seconds that the path takes with the slowest joint always at full speed.
-    Control points at the Greville abscissae: Schoenberg's variation-diminishing approximation.
+    The parameter x is the time in seconds that the path takes with the slowest joint always at full speed, and ``spacing``
+    of the mean step more for each step. Control points at the Greville abscissae: Schoenberg's variation-diminishing
+    approximation.
     """
     steps = (np.abs(np.diff(points, axis=0)) / velocity).max(axis=1)
-    x = np.concatenate(([0.0], np.cumsum(steps)))
+    x = np.concatenate(([0.0], np.cumsum(steps + spacing * steps.mean())))
     length = float(x[-1])
     dense = np.union1d(x, np.linspace(0.0, length, 257))
     wanted = _on_polyline(dense, x, points)
