@@ -50,6 +50,19 @@ def test_the_axis_of_a_ball_runs_through_its_middle(depth):
     assert berry_axis_depth(frame, mask) == pytest.approx(depth, abs=0.002)
 
 
+def test_what_hides_half_of_a_ball_does_not_bring_its_axis_nearer():
+    frame, mask = a_ball(0.4)
+    radius = 0.018 / 0.4 * CAMERA.fx
+    middle = np.array((CAMERA.cx, CAMERA.cy))
+    keypoints = np.tile(middle, (5, 1))
+    keypoints[3:, 0] += (-radius, radius)
+    shown = mask & (np.arange(200) > CAMERA.cx)
+    shown[:, 100:104] = mask[:, 100:104]
+    frame.depth[:, 100:104] = 0.34  # a leaf's edge bleeds into the outline
+    assert berry_axis_depth(frame, shown, keypoints) == pytest.approx(0.4, abs=0.003)
+    assert berry_axis_depth(frame, shown) < 0.396
+
+
 @pytest.mark.parametrize("pitch", [0.0, 0.25, 0.5])
 def test_the_stem_rises_plumb_whatever_the_pitch(pitch):
     frame, mask = a_ball(0.4, pitch=pitch)
