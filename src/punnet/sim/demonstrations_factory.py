@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -40,7 +40,7 @@ from punnet.sim.demonstrations_scene import (
 )
 from punnet.sim.panda_robot import WRIST_CAMERA
 
-__all__ = ["SPREADS", "DemonstrationReport", "simulate_demonstration_set"]
+__all__ = ["SPREADS", "DemonstrationReport", "regrow_scene", "simulate_demonstration_set"]
 
 SPREADS: dict[str, ReachStyle] = {"reach": REACH_LIKE, "thesis": THESIS_LIKE, "exploring": EXPLORING}
 """How much reaches to the same berry differ, by name."""
@@ -206,6 +206,40 @@ def _make_plant(folder: str, settings: dict[str, Any], plant: int, targets: int)
         return len(entries)
     finally:
         cv2.setNumThreads(threads)
+
+
+def regrow_scene(info: Mapping[str, Any], plant: int) -> DemonstrationScene:
+    """The scene of plant number ``plant`` of a set, to build its world again.
+
+    Parameters
+    ----------
+    info
+        Of the set, as :attr:`punnet.data.demos.DemonstrationSet.info` keeps it.
+    plant
+        0 for the first.
+
+    Raises
+    ------
+    ConfigurationError
+        If the set was not made by this version's :func:`simulate_demonstration_set`, or has no such plant.
+    """
+    try:
+        settings = {
+            name: info[name]
+            for name in ("generator", "configurations", "repeats", "seed", "scene", "spread", "samples")
+        }
+    except KeyError as error:
+        raise ConfigurationError(
+            f"demonstrations: no simulated set, {error} is missing; its plants can't be grown again"
+        ) from error
+    most = TARGETS_A_PLANT[settings["scene"]]
+    targets = min(most, settings["configurations"] - plant * most)
+    if settings["generator"] != GENERATOR or plant < 0 or targets < 1:
+        raise ConfigurationError(
+            f"demonstrations: plant {plant} of a set of generator {settings['generator']} can't be grown again, this is "
+            f"generator {GENERATOR}; simulate the set anew"
+        )
+    return _reachable(np.random.default_rng([settings["seed"], plant]), settings, targets)[0]
 
 
 def _reachable(

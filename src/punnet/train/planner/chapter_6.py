@@ -1,7 +1,8 @@
 """The networks of chapter 6 of the thesis, trained once and told of in all its tables and figures.
 
 ``direct``, ``ae``, ``vae`` and ``cvae``, in joint and in task space, before and after tuning, learn from one set of reaches
-and predict another, of other plants. Kept are their predictions, latent vectors and losses; a stopped call goes on.
+and predict another, of other plants. Kept are their predictions, latent vectors and losses, and the networks themselves as
+ONNX graphs; a stopped call goes on.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from punnet.planning.reaches import Movements, Reaches
 from punnet.train.detector.config import config_from_json
 from punnet.train.planner.config import KINDS, QUICK, Kind, PlannerConfig
 from punnet.train.planner.deep import DeepPrediction, block_diagonal
+from punnet.train.planner.export import export_planner
 from punnet.train.planner.fitting import fit_planner
 from punnet.train.runs import as_json, claim_run
 
@@ -35,7 +37,7 @@ SPACES: tuple[Space, ...] = ("joint", "task")
 UNITS: tuple[tuple[Kind, ...], ...] = (("direct", "ae"), ("vae", "cvae"))
 """Kinds whose trainings share tr-1; the two take about as long."""
 RUN_FILE = "chapter-6.json"
-SCHEMA = "punnet-chapter-6/1"
+SCHEMA = "punnet-chapter-6/2"
 Tell = Callable[[str], None]
 Array = NDArray[np.float64]
 
@@ -73,6 +75,8 @@ class Outcome:
         Loss of each epoch, by stage.
     seconds
         That its own stages took; tr-1, which networks share, is with the first that needed it.
+    graph
+        The network, for :class:`~punnet.planning.learned.MovementModel`.
     """
 
     name: str
@@ -83,6 +87,7 @@ class Outcome:
     unseen_latents: Array
     curves: Mapping[str, Sequence[float]]
     seconds: float
+    graph: Path
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,6 +247,7 @@ def _write(place: Path, fitted: DeepPrediction, learnt: Reaches, unseen: Reaches
     """Arrays first, then the small file that says they are whole."""
     movements = fitted.predict(unseen)
     place.mkdir(parents=True, exist_ok=True)
+    export_planner(fitted, place / f"{fitted.name}.onnx")
     np.savez(
         place / f"{fitted.name}.npz",
         mean=movements.mean,
@@ -267,6 +273,7 @@ def _read(folder: Path, seed: int, name: str) -> Outcome:
                 np.asarray(arrays["unseen_latents"], dtype=np.float64),
                 told["curves"],
                 float(told["seconds"]),
+                place / f"{name}.onnx",
             )
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise FileFormatError(

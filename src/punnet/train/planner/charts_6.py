@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from punnet.planning.reach_errors import COORDINATES, reach_errors
 from punnet.train.planner.chapter_6 import SPACES, ChapterSix
+from punnet.train.planner.executed import Executed
 from punnet.train.planner.latents import embedding, separability
-from punnet.train.planner.tables_6 import TUNED, ChapterErrors
+from punnet.train.planner.tables_6 import TUNED
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 __all__ = ["draw_figure_6_9", "draw_figure_6_10", "draw_figure_6_12", "draw_figure_6_14"]
@@ -79,43 +81,71 @@ def draw_figure_6_10(chapter: ChapterSix, path: Path, name: str = "cvae-joint") 
     return {"network": name, "target": unseen.target_ids[target], "position_m": float(off[row])}
 
 
-def draw_figure_6_12(errors: ChapterErrors, path: Path) -> None:
-    """Bars: error of the final position before and after tuning, of the mean and at ±2σ."""
-    figure = _figure(9.0, 3.8)
-    cells = figure.subplots(1, 2, sharey=True)
-    measures = (("position_m", "mean"), ("position_2_sigma_m", "±2σ"))
-    for axes, space in zip(cells, SPACES, strict=True):
-        for number, (prefix, label, colour) in enumerate((("", "before", "#9aa5b1"), ("l-", "after", FOUND))):
-            values = [
-                errors.values(f"{prefix}{kind}-{space}", measure) for kind in TUNED for measure, _ in measures
-            ]
-            spread = [np.std(v, ddof=1) if len(v) > 1 else 0.0 for v in values]
-            axes.bar(
-                np.arange(len(values)) + 0.4 * number - 0.2,
-                [v.mean() for v in values],
-                0.38,
-                yerr=spread,
-                color=colour,
-                label=f"{label} tuning",
-            )
-        for name, style in ((f"constant-{space}", ":"), (f"ridge-2-{space}", "--")):
-            axes.axhline(
-                float(errors.values(name, "position_m")[0]),
-                color="k",
-                ls=style,
-                lw=1,
-                label=f"{name.rsplit('-', 1)[0]}, mean",
-            )
-        axes.set_xticks(
-            np.arange(2 * len(TUNED)), [f"{kind}\n{told}" for kind in TUNED for _, told in measures]
-        )
-        axes.set_title(f"{space} space", fontsize=10)
-        axes.grid(axis="y", alpha=0.25)
-        axes.set_axisbelow(True)
-    cells[0].set_ylabel("final position off, m")
-    handles, labels = cells[1].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+def draw_figure_6_12(executed: Executed, path: Path, shown: str = "l-cvae-task") -> dict[str, Any]:
+    """Where the arm stood at last, before and after tuning, and the ways of one network to one target.
+
+    The target is that with the median error of ``shown``'s means.
+    """
+    figure = _figure(11.0, 7.0)
+    cells = figure.subplots(2, 2)
+    top = max(
+        float(executed.position(name, beside=beside).mean())
+        for name in {reach.network for reach in executed.reaches}
+        for beside in (False, True)
+        if len(executed.position(name, beside=beside))
+    )
+    for axes, space in zip(cells[0], SPACES, strict=True):
+        _bars(axes, executed, space)
+        axes.set_ylim(0.0, 1.25 * top)
+    cells[0, 0].set_ylabel("final position off, m (± standard error)")
+    cells[0, 1].legend(frameon=False, fontsize=9)
+    means = [reach for reach in executed.of(shown, beside=False) if reach.moved]
+    if not means:
+        figure.savefig(path, dpi=DOTS)
+        return {"shown": None}
+    middle = sorted(means, key=lambda reach: reach.position)[len(means) // 2]
+    for axes, across, name in zip(cells[1], (2, 1), ("from the side", "from above"), strict=True):
+        true = executed.demonstrated[middle.target]
+        axes.plot(true[:, 0], true[:, across], color=TRUE, lw=2, label="demonstrated mean")
+        axes.plot(*true[-1, (0, across)], "o", color=TRUE)
+        for reach in executed.reaches:
+            if (reach.network, reach.target) == (shown, middle.target) and reach.moved:
+                style = {
+                    "color": FOUND,
+                    "lw": 1.6 if reach.sigma == 0 else 0.9,
+                    "ls": "-" if reach.sigma == 0 else "--",
+                }
+                label = "executed mean" if reach.sigma == 0 else "executed ±2σ" if reach.sigma > 0 else None
+                axes.plot(reach.way[:, 0], reach.way[:, across], label=label, **style)
+        axes.set(xlabel="x, m", ylabel=f"{'xyz'[across]}, m", title=f"{shown} to {middle.target}, {name}")
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.grid(alpha=0.25)
+    cells[1, 0].legend(frameon=False, fontsize=9)
     figure.savefig(path, dpi=DOTS)
+    return {"shown": shown, "target": middle.target, "position_m": middle.position}
+
+
+def _bars(axes: Axes, executed: Executed, space: str) -> None:
+    for number, (prefix, label, colour) in enumerate((("", "before", "#9aa5b1"), ("l-", "after", FOUND))):
+        values = [
+            executed.position(f"{prefix}{kind}-{space}", beside=beside)
+            for kind in TUNED
+            for beside in (False, True)
+        ]
+        axes.bar(
+            np.arange(len(values)) + 0.4 * number - 0.2,
+            [v.mean() if len(v) else 0.0 for v in values],
+            0.38,
+            yerr=[v.std(ddof=1) / np.sqrt(len(v)) if len(v) > 1 else 0.0 for v in values],
+            color=colour,
+            label=f"{label} tuning",
+        )
+    axes.set_xticks(
+        np.arange(2 * len(TUNED)), [f"{kind}\n{told}" for kind in TUNED for told in ("mean", "±2σ")]
+    )
+    axes.set_title(f"{space} space, executed", fontsize=10)
+    axes.grid(axis="y", alpha=0.25)
+    axes.set_axisbelow(True)
 
 
 def draw_figure_6_14(chapter: ChapterSix, path: Path) -> None:

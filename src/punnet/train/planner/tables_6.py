@@ -15,6 +15,7 @@ from punnet.planning.reach_errors import COORDINATES, ReachErrors, reach_errors
 from punnet.train.planner.baselines import baseline
 from punnet.train.planner.chapter_6 import SPACES, ChapterSix
 from punnet.train.planner.comparison import usable_baselines
+from punnet.train.planner.executed import Executed
 from punnet.train.planner.full import FullConfig, fit_full
 
 __all__ = [
@@ -133,22 +134,30 @@ def table_6_3(errors: ChapterErrors) -> MarkdownTable:
     return MarkdownTable("6.3", columns, tuple(rows))
 
 
-def figure_6_12(errors: ChapterErrors) -> MarkdownTable:
-    """Error of the final position before / after tuning, metres: of the mean, and at ±2σ."""
-    columns = ("network", "mean, before", "mean, after", "±2σ, before", "±2σ, after")
-    rows = [
-        (
-            f"{kind}-{space}",
-            *(
-                _spread(errors.values(f"{prefix}{kind}-{space}", measure), ".4f")
-                for measure in ("position_m", "position_2_sigma_m")
-                for prefix in ("", "l-")
-            ),
-        )
-        for space in SPACES
-        for kind in TUNED
-        if f"{kind}-{space}" in errors.runs
-    ]
+def figure_6_12(executed: Executed) -> MarkdownTable:
+    """Metres from the demonstrated end to where the arm stood, before and after tuning, and how many reaches came to an end."""
+    columns = (
+        "network",
+        "mean, before",
+        "mean, after",
+        "±2σ, before",
+        "±2σ, after",
+        "came to their end, before",
+        "came to their end, after",
+    )
+    rows = []
+    for space in SPACES:
+        for kind in TUNED:
+            names = (f"{kind}-{space}", f"l-{kind}-{space}")
+            off = [executed.position(name, beside=beside) for beside in (False, True) for name in names]
+            whole = [executed.of(name, beside=False) + executed.of(name, beside=True) for name in names]
+            rows.append(
+                (
+                    names[0],
+                    *(f"{values.mean():.3f}" if len(values) else NOTHING for values in off),
+                    *(f"{sum(one.reason is None for one in found)} of {len(found)}" for found in whole),
+                )
+            )
     return MarkdownTable("6.12", columns, tuple(rows))
 
 
