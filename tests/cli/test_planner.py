@@ -190,5 +190,7 @@ def test_chapter_6_from_one_set_of_networks(
     drawn = punnet("reproduce", "fig-6-9", *options)
     assert drawn.code == 0, drawn.err
     assert cv2.imread(drawn.out.split()[-1]) is not None
+    # These were never simulated, so no world can be built for them.
+    punnet("reproduce", "fig-6-12", *options, "--before", tmp_path / "unseen").fails_with("no simulated set")
     same = (*options[:2], "--unseen", tmp_path / "learnt", "--runs", tmp_path / "other", "--quick")
     punnet("reproduce", "table-6-3", *same).fails_with("plant 0")

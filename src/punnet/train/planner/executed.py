@@ -132,7 +132,9 @@ def execute_predictions(
 
     first = {int(target): row for row, target in reversed(list(enumerate(reaches.targets)))}
     worlds = {
-        episode.target_id: int(episode.extra["world_seed"]) for episode in demonstrations if episode.target_id
+        episode.target_id: int(episode.extra.get("world_seed", -1))
+        for episode in demonstrations
+        if episode.target_id
     }
     plants = list(dict.fromkeys(reaches.groups))
     jobs = []
