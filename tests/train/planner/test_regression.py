@@ -46,13 +46,25 @@ def test_penalties_are_chosen_for_each_output(plane, rng) -> None:
         (values[:, 0], rng.normal(size=60))
     )  # the second has nothing to do with the features
     folds = fold_numbers([str(row % 6) for row in range(60)], 8)
-    unseen = leave_folds_out(features, values, folds, freedom=2.5, penalties="each")
+    unseen = leave_folds_out(features, values, folds, freedom=2.5)
     assert unseen.penalties[0] == PENALTIES[0]
     assert unseen.penalties[1] > 0.1
     assert np.abs(unseen.residuals[:, 0]).max() < 1e-3
     assert (unseen.leverage > 1.0 / 60).all()
-    shared = leave_folds_out(features, values, folds, freedom=2.5, penalties="all").penalties
-    assert shared[0] == shared[1]
+
+
+def test_only_what_counts_chooses_the_penalty(plane, rng) -> None:
+    """Two outputs whose sum is the plane's; apart they are noise, as joints that can make up for each other are."""
+    features, values, _ = plane
+    noise = 3.0 * rng.normal(size=60)
+    outputs = np.column_stack((values[:, 0] + noise, -noise))
+    folds = fold_numbers([str(row % 6) for row in range(60)], 8)
+    together = np.ones((60, 1, 2))
+    unseen = leave_folds_out(features, outputs, folds, 2.5, together)
+    assert unseen.penalties[0] == unseen.penalties[1] == PENALTIES[0]
+    assert np.abs(unseen.residuals.sum(axis=1)).max() < 1e-2
+    apart = leave_folds_out(features, outputs, folds, 2.5)
+    assert np.abs(apart.residuals.sum(axis=1)).mean() > 10 * np.abs(unseen.residuals.sum(axis=1)).mean()
 
 
 def test_what_is_learnt_far_from_is_less_sure(plane) -> None:

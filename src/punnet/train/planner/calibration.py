@@ -11,7 +11,7 @@ from punnet.planning.reaches import DEGREES, Reaches
 from punnet.robot import Panda
 from punnet.train.planner.regression import LeftOut
 
-__all__ = ["doubt_of_ends"]
+__all__ = ["doubt_of_ends", "places"]
 
 Array = NDArray[np.float64]
 WIDENINGS = np.geomspace(0.1, 10.0, 81)
@@ -39,7 +39,7 @@ def doubt_of_ends(space: Space, reaches: Reaches, unseen: LeftOut, within: Array
     growth = 1.0 + unseen.leverage
     scaled = unseen.residuals / np.sqrt(growth)[:, None]
     scatter = scaled.T @ scaled / len(scaled)
-    place = _places(space, reaches)
+    place = places(space, reaches)
     demonstrated = _offs_of_demonstrations(reaches, np.einsum("mij,mj->mi", place, unseen.residuals))
 
     def missed(widening: float) -> float:
@@ -57,7 +57,7 @@ def doubt_of_ends(space: Space, reaches: Reaches, unseen: LeftOut, within: Array
     return np.asarray(min(WIDENINGS, key=missed) * scatter + within)
 
 
-def _places(space: Space, reaches: Reaches) -> Array:
+def places(space: Space, reaches: Reaches) -> Array:
     """(M, 3, 7) how the flange's position moves with the end."""
     if space == "task":
         return np.broadcast_to(np.eye(3, DEGREES), (len(reaches.target_ids), 3, DEGREES))

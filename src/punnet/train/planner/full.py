@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from punnet.errors import ConfigurationError
 from punnet.movement.distribution import Space
 from punnet.planning.reaches import DEGREES, Movements, Reaches
-from punnet.train.planner.calibration import doubt_of_ends
+from punnet.train.planner.calibration import doubt_of_ends, places
 from punnet.train.planner.regression import LeftOut, Regression, fit_robustly, fold_numbers, leave_folds_out
 
 __all__ = [
@@ -170,6 +170,8 @@ def fit_full(config: FullConfig, reaches: Reaches) -> FullPrediction:
     ends = movements.mean.reshape(M, -1) @ H.T
     given = given_its_end(movements, H)
     within = H @ movements.covariance.mean(axis=0) @ H.T
+    place = places(config.space, reaches)
+    counted = None if config.space == "task" else place
     centres, lights = _centres(target_boxes(reaches)), _target_lights(reaches)
 
     def fitted(features: Array) -> tuple[EndModel, LeftOut]:
@@ -178,9 +180,9 @@ def fit_full(config: FullConfig, reaches: Reaches) -> FullPrediction:
             ends,
             fold_numbers(reaches.groups, FOLDS),
             config.freedom,
-            penalties="each" if config.space == "task" else "all",
+            counted,
         )
-        regression = fit_robustly(features, ends, unseen.penalties, config.freedom)
+        regression = fit_robustly(features, ends, unseen.penalties, config.freedom, counted)
         return EndModel(
             regression, given.gain @ _root(doubt_of_ends(config.space, reaches, unseen, within))
         ), unseen
@@ -189,7 +191,7 @@ def fit_full(config: FullConfig, reaches: Reaches) -> FullPrediction:
     by_light = None
     if np.isfinite(lights).all():
         lit, lit_unseen = fitted(_with_light(centres, lights))
-        if _how_far(lit_unseen) < HELPFUL * _how_far(unseen):
+        if _how_far(place, lit_unseen) < HELPFUL * _how_far(place, unseen):
             by_light, unseen = lit, lit_unseen
     return FullPrediction(
         config,
@@ -203,9 +205,9 @@ def fit_full(config: FullConfig, reaches: Reaches) -> FullPrediction:
     )
 
 
-def _how_far(unseen: LeftOut) -> float:
-    """Mean length of what positions, or joints, are off on groups left out."""
-    return float(np.linalg.norm(unseen.residuals[:, :3], axis=1).mean())
+def _how_far(place: Array, unseen: LeftOut) -> float:
+    """Metres that the flange is off on groups left out, on average."""
+    return float(np.linalg.norm(np.einsum("mij,mj->mi", place, unseen.residuals), axis=1).mean())
 
 
 def _left_out(space: Space, ends: Array, off: Array) -> dict[str, float]:

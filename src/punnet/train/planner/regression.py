@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,6 @@ from numpy.typing import NDArray
 __all__ = [
     "PENALTIES",
     "LeftOut",
-    "PenaltiesOf",
     "Regression",
     "fit_robustly",
     "fold_numbers",
@@ -24,7 +22,6 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-PenaltiesOf = Literal["each", "all"]
 PENALTIES = (1e-4, 1e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0)
 """Ridge penalties to choose from, on standardised features; the last one leaves a constant."""
 ITERATIONS = 30
@@ -73,7 +70,9 @@ class Regression:
         return np.asarray(np.linalg.inv(self.gram + PENALTIES[1] * np.eye(F)) / self.rows)
 
 
-def fit_robustly(features: Array, values: Array, penalties: Array, freedom: float) -> Regression:
+def fit_robustly(
+    features: Array, values: Array, penalties: Array, freedom: float, counted: Array | None = None
+) -> Regression:
     """Fit (N, F) features to (N, K) values.
 
     Parameters
@@ -84,8 +83,10 @@ def fit_robustly(features: Array, values: Array, penalties: Array, freedom: floa
         (K,) ridge penalty of each output.
     freedom
         ν; the smaller the less far-off rows count.
+    counted
+        (N, C, K) what of each row's error tells how far off it is; all of it if not given.
     """
-    N, K = values.shape
+    N = len(values)
     middle, scale = features.mean(axis=0), np.maximum(features.std(axis=0), SMALLEST)
     X = (features - middle) / scale
     w = np.ones(N)
@@ -98,10 +99,12 @@ def fit_robustly(features: Array, values: Array, penalties: Array, freedom: floa
         systems = gram + penalties[:, None, None] * np.eye(X.shape[1])
         coefficients = np.linalg.solve(systems, right.T[:, :, None])[:, :, 0].T
         residual = Yc - Xc @ coefficients
-        spread = (residual * w[:, None]).T @ residual / N
-        spread += (1e-4 * np.trace(spread) / K + SMALLEST) * np.eye(K)
-        distance = np.einsum("nk,kl,nl->n", residual, np.linalg.inv(spread), residual)
-        w = (freedom + K) / (freedom + distance)
+        off = residual if counted is None else np.einsum("nck,nk->nc", counted, residual)
+        C = off.shape[1]
+        spread = (off * w[:, None]).T @ off / N
+        spread += (1e-4 * np.trace(spread) / C + SMALLEST) * np.eye(C)
+        distance = np.einsum("nk,kl,nl->n", off, np.linalg.inv(spread), off)
+        w = (freedom + C) / (freedom + distance)
     return Regression(middle + x0 * scale, scale, y0, coefficients, gram, float(w.sum()))
 
 
@@ -125,7 +128,11 @@ class LeftOut:
 
 
 def leave_folds_out(
-    features: Array, values: Array, folds: NDArray[np.int64], freedom: float, *, penalties: PenaltiesOf
+    features: Array,
+    values: Array,
+    folds: NDArray[np.int64],
+    freedom: float,
+    counted: Array | None = None,
 ) -> LeftOut:
     """Choose penalties by folds left out, and say how far off they are there.
 
@@ -135,21 +142,23 @@ def leave_folds_out(
         As :func:`fit_robustly`.
     folds
         (N,) which fold each row is of.
-    penalties
-        ``each`` output its own, or one that ``all`` share: then a combination of outputs is regressed as well as they are
-        themselves, which matters where only combinations tell, as of an arm's joints.
+    counted
+        (N, C, K) what of each row's residual counts, for one penalty that all outputs share: of an arm's joints it is where
+        they take the flange, for a little too much ridge on each adds up. Without it each output has its own.
     """
     N, K = values.shape
     residuals, leverage = np.zeros((len(PENALTIES), N, K)), np.zeros((len(PENALTIES), N))
     for row, penalty in enumerate(PENALTIES):
         for fold in np.unique(folds):
             out = folds == fold
-            fitted = fit_robustly(features[~out], values[~out], np.full(K, penalty), freedom)
+            seen = None if counted is None else counted[~out]
+            fitted = fit_robustly(features[~out], values[~out], np.full(K, penalty), freedom, seen)
             residuals[row, out] = values[out] - fitted(features[out])
             leverage[row, out] = fitted.leverage(features[out])
-    scale = np.maximum(np.median(np.abs(residuals), axis=1).min(axis=0), SMALLEST)
-    cost = np.log1p(np.square(residuals / scale) / freedom).mean(axis=1)
-    best = cost.argmin(axis=0) if penalties == "each" else np.full(K, cost.sum(axis=1).argmin())
+    telling = residuals if counted is None else np.einsum("nck,pnk->pnc", counted, residuals)
+    scale = np.maximum(np.median(np.abs(telling), axis=1).min(axis=0), SMALLEST)
+    cost = np.log1p(np.square(telling / scale) / freedom).mean(axis=1)
+    best = cost.argmin(axis=0) if counted is None else np.full(K, cost.sum(axis=1).argmin())
     return LeftOut(
         np.array(PENALTIES)[best],
         np.asarray(residuals[best, :, np.arange(K)].T),
