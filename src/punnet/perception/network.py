@@ -34,15 +34,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from punnet.bundle import Graph
 from punnet.errors import BundleError, ConfigurationError
 
 __all__ = ["Network", "RawDetections"]
 
-INPUTS: Mapping[str, tuple[str, tuple[int | None, ...]]] = {
+Declared = Mapping[str, tuple[str, tuple[int | None, ...]]]
+INPUTS: Declared = {
     "image": ("uint8", (1, None, None, 3)),
     "score_threshold": ("float", ()),
 }
-OUTPUTS: Mapping[str, tuple[str, tuple[int | None, ...]]] = {
+OUTPUTS: Declared = {
     "boxes": ("float", (None, 4)),
     "scores": ("float", (None,)),
     "labels": ("int64", (None,)),
@@ -128,19 +130,10 @@ class Network:
     def __init__(self, path: Path, threads: int | None = None) -> None:
         if threads is not None and threads < 1:
             raise ConfigurationError(f"detector: threads must be ≥ 1, got {threads}")
-        import onnxruntime
-
-        options = onnxruntime.SessionOptions()
-        options.log_severity_level = 4  # what goes wrong is told by the exception
-        options.inter_op_num_threads = 1
-        options.intra_op_num_threads = _threads(threads)
-        try:
-            self._session = onnxruntime.InferenceSession(str(path), options, ["CPUExecutionProvider"])
-        except Exception as error:
-            raise _unreadable(path, error) from error
         self._path = path
-        _check(path, "input", INPUTS, _onnx_values(self._session.get_inputs()))
-        _check(path, "output", OUTPUTS, _onnx_values(self._session.get_outputs()))
+        self._graph = Graph(path, "export the detector again", threads=_threads(threads))
+        _check(path, "input", INPUTS, self._graph.inputs)
+        _check(path, "output", OUTPUTS, self._graph.outputs)
 
     def run(self, image: NDArray[np.uint8], score_threshold: float) -> RawDetections:
         """Detections of an image (1, H, W, 3), best first.
@@ -151,10 +144,7 @@ class Network:
             If the graph fails, or gives what the contract does not allow.
         """
         feeds = {"image": image, "score_threshold": np.array(score_threshold, dtype=np.float32)}
-        try:
-            outputs = self._session.run(list(OUTPUTS), feeds)
-        except Exception as error:
-            raise _failed(self._path, image, error) from error
+        outputs = self._graph.run(list(OUTPUTS), feeds, f"an image of {image.shape[1]}×{image.shape[2]}")
         return RawDetections.from_outputs(dict(zip(OUTPUTS, outputs, strict=True)), image, str(self._path))
 
 
@@ -166,22 +156,7 @@ def _threads(wanted: int | None) -> int:
     return int(setting) if setting.isdecimal() else 0
 
 
-Value = tuple[str, tuple[int | None, ...] | None]
-
-
-def _onnx_values(values: Sequence[Any]) -> dict[str, Value]:
-    return {
-        value.name: (
-            str(value.type).removeprefix("tensor(").removesuffix(")"),
-            tuple(size if isinstance(size, int) else None for size in value.shape),
-        )
-        for value in values
-    }
-
-
-def _check(
-    path: Path, side: str, wanted: Mapping[str, tuple[str, tuple[int | None, ...]]], found: dict[str, Value]
-) -> None:
+def _check(path: Path, side: str, wanted: Declared, found: Declared) -> None:
     """Compare what the file declares with the contract; sizes it leaves open are checked when it runs."""
     foreign = sorted(set(found) - set(wanted)) if side == "input" else []
     missing = sorted(set(wanted) - set(found))
@@ -207,20 +182,3 @@ def _fits(found: Sequence[int | None], wanted: Sequence[int | None]) -> bool:
 
 def _words(shape: Sequence[int | None] | None) -> str:
     return "(?)" if shape is None else f"({', '.join('?' if size is None else str(size) for size in shape)})"
-
-
-def _unreadable(path: Path, error: Exception) -> BundleError:
-    return BundleError(
-        f"{path}: can't be loaded as an ONNX graph ({_first_line(error)}); copy the bundle again, or export it again"
-    )
-
-
-def _failed(path: Path, image: NDArray[np.uint8], error: Exception) -> BundleError:
-    return BundleError(
-        f"{path}: could not be run on an image of {image.shape[1]}×{image.shape[2]} ({_first_line(error)}); "
-        "export the detector again"
-    )
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).strip().partition("\n")[0]

@@ -12,7 +12,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from punnet.bundle import Bundle, Manifest, load_bundle
+from punnet.bundle import Bundle, Graph, Manifest, load_bundle
 from punnet.errors import BundleError, FileFormatError, ShapeError
 from punnet.geometry import CameraIntrinsics, is_transform
 from punnet.movement import GaussianBasis, TrajectoryDistribution
@@ -169,20 +169,10 @@ class MovementModel:
     def __init__(
         self, path: Path, name: str, space: Space, basis: GaussianBasis, duration: float = 1.0
     ) -> None:
-        import onnxruntime
-
         self._path, self.name, self.space = path, name, space
         self.basis, self.duration = basis, duration
-        options = onnxruntime.SessionOptions()
-        options.log_severity_level = 4  # what goes wrong is told by the exception
-        try:
-            self._session = onnxruntime.InferenceSession(str(path), options, ["CPUExecutionProvider"])
-        except Exception as error:
-            raise BundleError(
-                f"{path}: can't be loaded as an ONNX graph ({_first_line(error)}); {_MAKE_AGAIN}"
-            ) from error
-        self._inputs = {value.name for value in self._session.get_inputs()}
-        outputs = {value.name for value in self._session.get_outputs()}
+        self._graph = Graph(path, _MAKE_AGAIN)
+        self._inputs, outputs = set(self._graph.inputs), set(self._graph.outputs)
         if not self._inputs or not self._inputs <= {PICTURE, BOX, LIGHT} or outputs != {"mean", "factor"}:
             raise BundleError(
                 f"{path}: not a planner's graph: inputs {sorted(self._inputs)}, outputs {sorted(outputs)}; {_MAKE_AGAIN}"
@@ -226,12 +216,9 @@ class MovementModel:
             BOX: boxes.astype(np.float32),
             LIGHT: lights.astype(np.float32),
         }
-        try:
-            mean, factor = self._session.run(["mean", "factor"], {name: fed[name] for name in self._inputs})
-        except Exception as error:
-            raise BundleError(
-                f"{self._path}: could not be run ({_first_line(error)}); {_MAKE_AGAIN}"
-            ) from error
+        mean, factor = self._graph.run(
+            ("mean", "factor"), {name: fed[name] for name in self._inputs}, f"{N} photographs"
+        )
         mean, factor = np.asarray(mean, dtype=np.float64), np.asarray(factor, dtype=np.float64)
         if mean.shape != (N, DEGREES, B) or factor.shape[:2] != (N, DEGREES * B) or factor.ndim != 3:
             raise BundleError(
@@ -281,7 +268,3 @@ def planner_bundle(source: Bundle | str | Path) -> tuple[MovementModel, PlannerS
     space, file = settings.models[name]
     model = MovementModel(source.path(file), name, space, settings.basis, settings.duration)
     return model, settings, source.manifest
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]

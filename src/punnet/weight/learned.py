@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from punnet.bundle import Bundle, Manifest, load_bundle
+from punnet.bundle import Bundle, Graph, Manifest, load_bundle
 from punnet.errors import BundleError, ConfigurationError
 from punnet.scene import Frame, Strawberries
 from punnet.weight.estimator import WeightEstimates, gather_estimates
@@ -165,26 +165,16 @@ class WeightModel:
     """
 
     def __init__(self, path: Path, features: int) -> None:
-        import onnxruntime
-
-        options = onnxruntime.SessionOptions()
-        options.log_severity_level = 4  # what goes wrong is told by the exception
-        options.intra_op_num_threads = options.inter_op_num_threads = 1  # a dozen berries: threads only cost
-        try:
-            self._session = onnxruntime.InferenceSession(str(path), options, ["CPUExecutionProvider"])
-        except Exception as error:
-            raise BundleError(
-                f"{path}: can't be loaded as an ONNX graph ({_first_line(error)}); {_MAKE_AGAIN}"
-            ) from error
-        inputs = {value.name: (value.type, value.shape) for value in self._session.get_inputs()}
-        outputs = [value.name for value in self._session.get_outputs()]
+        # A dozen berries: threads only cost.
+        self._graph = Graph(path, _MAKE_AGAIN, threads=1)
+        inputs, outputs = self._graph.inputs, self._graph.outputs
         fed = inputs.get("features")
-        if set(inputs) != {"features"} or "grams" not in outputs or fed is None or fed[0] != "tensor(float)":
+        if set(inputs) != {"features"} or "grams" not in outputs or fed is None or fed[0] != "float":
             raise BundleError(
                 f"{path}: not a weight model's graph: inputs {sorted(inputs)}, outputs {sorted(outputs)}; needed are "
                 f"'features' (float) and 'grams'; {_MAKE_AGAIN}"
             )
-        if len(fed[1]) != 2 or (isinstance(fed[1][1], int) and fed[1][1] != features):
+        if len(fed[1]) != 2 or fed[1][1] not in (None, features):
             raise BundleError(f"{path}: takes features {fed[1]}, {features} a berry are given; {_MAKE_AGAIN}")
         self._outputs = ["grams", "spread"] if "spread" in outputs else ["grams"]
         self._path, self._features = path, features
@@ -200,15 +190,9 @@ class WeightModel:
         count = len(features)
         if not count:
             return np.zeros(0), np.zeros(0)
-        try:
-            raw = self._session.run(
-                self._outputs, {"features": np.ascontiguousarray(features, dtype=np.float32)}
-            )
-            outputs = [np.asarray(value, dtype=np.float64).reshape(-1) for value in raw]
-        except Exception as error:
-            raise BundleError(
-                f"{self._path}: could not be run on features {features.shape} ({_first_line(error)}); {_MAKE_AGAIN}"
-            ) from error
+        fed = {"features": np.ascontiguousarray(features, dtype=np.float32)}
+        raw = self._graph.run(self._outputs, fed, f"features {features.shape}")
+        outputs = [np.asarray(value, dtype=np.float64).reshape(-1) for value in raw]
         spread = outputs[1] if len(outputs) == 2 else np.ones(count)
         if outputs[0].shape != (count,) or spread.shape != (count,) or (spread < 0).any():
             raise BundleError(
@@ -281,7 +265,3 @@ def _exp(value: float) -> float:
 
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).strip().partition("\n")[0][:200]
