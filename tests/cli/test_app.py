@@ -133,6 +133,15 @@ def test_models(punnet, tmp_path) -> None:
     punnet("models", tmp_path).fails_with(str(tmp_path), "no bundles")
 
 
+def test_one_model(punnet) -> None:
+    told = punnet("models", "sim-fast").out
+    assert "train detector" in " ".join(told.split())
+    assert "pluckable: mask_ap" in told
+    assert "{" not in told
+    assert json.loads(punnet("models", "sim-fast", "--json").out)["name"] == "sim-fast"
+    punnet("models", "sim-slow").fails_with("sim-slow", "sim-fast")
+
+
 def test_models_finds_damage(punnet, tmp_path) -> None:
     import shutil
     from pathlib import Path

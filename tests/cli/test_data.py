@@ -59,7 +59,7 @@ def test_validate_names_file_annotation_and_fault(punnet, folder: Path) -> None:
     result = punnet("data", "validate", folder)
     assert result.code == 1
     assert "plant0-1.png, annotation 2: error: keypoint-outside-box: picking_point" in result.out
-    assert "1 errors and 0 warnings" in result.err
+    assert "1 error and 0 warnings" in result.err
     data = json.loads(punnet("data", "validate", folder, "--json").out)
     assert data["by_code"] == {"keypoint-outside-box": 1}
     assert data["faults"][0]["annotation_id"] == 2

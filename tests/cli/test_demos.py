@@ -75,7 +75,7 @@ def test_validate(punnet: Punnet, recordings: Path, sound: Path) -> None:
     assert json.loads(result.out)["by_code"] == {"joint-limit": 1}
     result = punnet("demos", "validate", sound)
     assert "q4" in result.out
-    assert "0 errors and 1 warnings" in result.err
+    assert "0 errors and 1 warning;" in result.err
 
 
 def test_stats_and_plot(punnet: Punnet, sound: Path, tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "busy",
+    "counted",
     "counted_progress",
     "note",
     "print_json",
@@ -34,6 +35,11 @@ def say(line: str = "") -> None:
 def note(line: str) -> None:
     """Print a remark that is not part of the result, on stderr."""
     print(f"punnet: {line}", file=sys.stderr, flush=True)
+
+
+def counted(number: int, thing: str) -> str:
+    """``1 error``, ``2 errors``."""
+    return f"{number} {thing}{'' if number == 1 else 's'}"
 
 
 def print_json(data: Any) -> None:

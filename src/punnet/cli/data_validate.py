@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from punnet.cli.console import counted_progress, note, print_json, print_table, say
+from punnet.cli.console import counted, counted_progress, note, print_json, print_table, say
 from punnet.cli.data_options import ClassMapping, DataFormat, DataPath, class_map_of
 from punnet.cli.options import Json
 
@@ -125,6 +125,6 @@ def _print(report: FaultReport, changes: list[Change], out: Path | None, most: i
         [(code, str(FAULTS[code]), str(count)) for code, count in report.by_code.items()],
     )
     note(
-        f"{report.path}: {report.errors} errors and {report.warnings} warnings in "
+        f"{report.path}: {counted(report.errors, 'error')} and {counted(report.warnings, 'warning')} in "
         f"{report.images} images and {report.annotations} annotations"
     )

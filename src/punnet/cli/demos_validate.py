@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from punnet.cli.console import counted_progress, note, print_json, print_table, say
+from punnet.cli.console import counted, counted_progress, note, print_json, print_table, say
 from punnet.cli.demos_options import DemoFormatName, DemoPath
 from punnet.cli.options import Json
 
@@ -58,5 +58,6 @@ def _print(report: DemoReport, most: int) -> None:
     rows = [(code, str(DEMO_FAULTS[code]), str(count)) for code, count in report.by_code.items()]
     print_table("", ("fault", "severity", "times>"), rows)
     note(
-        f"{report.path}: {report.errors} errors and {report.warnings} warnings; {report.episodes} episodes read"
+        f"{report.path}: {counted(report.errors, 'error')} and {counted(report.warnings, 'warning')}; "
+        f"{counted(report.episodes, 'episode')} read"
     )
