@@ -7,6 +7,7 @@ of equal widths are computed together, as batched matrix products; they share no
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -152,15 +153,20 @@ def covariance_factor(entries: Tensor, functions: int) -> Tensor:
     First the entries of L below its diagonal of ones, row by row; then ln D, so that D = exp(·) is positive.
     """
     below = functions * (functions - 1) // 2
-    index = np.zeros((functions, functions), dtype=np.int64)
-    index[np.tril_indices(functions, -1)] = np.arange(below)
-    mask = torch.tensor(np.tril(np.ones((functions, functions), dtype=np.float32), -1))
-    places = torch.tensor(index.ravel())
-    lower = entries[..., places].reshape(*entries.shape[:-1], functions, functions) * mask + torch.eye(
-        functions
-    )
+    # A product with zeros and ones: its gradient is a product too, where that of picking entries adds one at a time.
+    places = torch.from_numpy(_places_below_diagonal(functions))
+    lower = (entries[..., :below] @ places).unflatten(-1, (functions, functions)) + torch.eye(functions)
     factor: Tensor = lower * torch.exp(0.5 * entries[..., below:]).unsqueeze(-2)
     return factor
+
+
+@lru_cache(maxsize=8)
+def _places_below_diagonal(functions: int) -> NDArray[np.float32]:
+    """(B(B−1)/2, B²) of zeros and ones: where each entry of L goes, row by row."""
+    rows, columns = np.tril_indices(functions, -1)
+    places = np.zeros((len(rows), functions * functions), dtype=np.float32)
+    places[np.arange(len(rows)), rows * functions + columns] = 1.0
+    return places
 
 
 def _entries(block: NDArray[np.float64]) -> NDArray[np.float64]:

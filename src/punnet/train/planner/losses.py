@@ -33,9 +33,11 @@ def movement_loss(
     gram = phi.T @ phi
     T = phi.shape[0]
     off = mean - true_mean
-    means = torch.einsum("ndb,bc,ndc->nd", off, gram, off) / T
-    weighted = gram @ (factor @ factor.transpose(-1, -2) - true_covariance)
-    covariances = torch.einsum("ndbc,ndcb->nd", weighted, weighted) / T**2
+    means = (off @ gram * off).sum(dim=-1) / T
+    weighted = (
+        factor @ factor.transpose(-1, -2) - true_covariance
+    ) @ gram  # so it is one product for all movements
+    covariances = (weighted * weighted.transpose(-1, -2)).sum(dim=(-2, -1)) / T**2
     return (means + alpha * covariances).mean(dim=0)
 
 
