@@ -154,8 +154,9 @@ def covariance_factor(entries: Tensor, functions: int) -> Tensor:
     """
     below = functions * (functions - 1) // 2
     # A product with zeros and ones: its gradient is a product too, where that of picking entries adds one at a time.
-    places = torch.from_numpy(_places_below_diagonal(functions))
-    lower = (entries[..., :below] @ places).unflatten(-1, (functions, functions)) + torch.eye(functions)
+    places = torch.from_numpy(_places_below_diagonal(functions)).to(entries.dtype)
+    shape = (*entries.shape[:-1], functions, functions)
+    lower = (entries[..., :below] @ places).reshape(shape) + torch.eye(functions)
     factor: Tensor = lower * torch.exp(0.5 * entries[..., below:]).unsqueeze(-2)
     return factor
 
