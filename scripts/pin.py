@@ -13,7 +13,7 @@ from pathlib import Path
 
 OLDEST_PYTHON = "3.11.0"
 HEADER = """\
-# Exact versions of everything that `pip install -e .[dev]` brings, Python 3.11 and 3.12. The Makefile passes
+# Exact versions of everything that `pip install -e .[dev]` brings, Python 3.11 to 3.13. The Makefile passes
 # this file to pip with -c; users of the published package are free. Written by `make pin`, not by hand.
 """
 

@@ -49,7 +49,7 @@ def test_every_requirement_is_pinned(project) -> None:
 
 def test_extras_are_the_promised_ones(project) -> None:
     extras = set(project["project"]["optional-dependencies"])
-    assert extras == {"train", "studio", "ros", "lerobot", "scale", "openvino", "dev"}
+    assert extras == {"train", "ros", "lerobot", "scale", "arms", "dev"}
 
 
 def test_base_install_is_light(project) -> None:

