@@ -61,7 +61,7 @@ class KinematicRobot:
         self.hanging.discard(self.held)
         return CutResult(True)
 
-    def release(self):
+    def release(self, opening=1.0):
         self.time += 0.4
         if self.held is not None and self.held not in self.hanging:
             punnet = inside_punnet(self.tool() - np.array([0.0, 0.0, 0.03]))

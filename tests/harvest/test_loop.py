@@ -201,7 +201,14 @@ def test_without_ripe_berries_nothing_is_touched():
 
 @pytest.mark.parametrize(
     "bad",
-    [{"speed": 0.0}, {"careful_speed": 1.5}, {"attempts": 0}, {"side_views": 4}, {"least_ripeness": 2.0}],
+    [
+        {"speed": 0.0},
+        {"careful_speed": 1.5},
+        {"attempts": 0},
+        {"side_views": 4},
+        {"least_ripeness": 2.0},
+        {"opening": 0.0},
+    ],
 )
 def test_impossible_settings_are_refused(bad):
     with pytest.raises(ConfigurationError, match="harvest"):

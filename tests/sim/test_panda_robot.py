@@ -8,7 +8,16 @@ from punnet.errors import RobotError
 from punnet.geometry import invert_transform
 from punnet.movement import JointTrajectory, retime
 from punnet.planning import ProMPDepthPlanner
-from punnet.robot import HOME, T_FLANGE_TOOL, TOO_THICK, Panda, Robot, nearest_solution
+from punnet.robot import (
+    GRIP_OPENING,
+    HOME,
+    NOT_ALONE,
+    T_FLANGE_TOOL,
+    TOO_THICK,
+    Panda,
+    Robot,
+    nearest_solution,
+)
 from punnet.robot.tool import T_FLANGE_CAMERA
 from punnet.scene import Frame, Target
 from punnet.sim.panda_robot import WRIST_CAMERA, SimulatedPanda
@@ -95,6 +104,25 @@ def test_a_fruit_between_the_pads_is_let_go_of_unharmed(robot):
     assert (grip.holding, grip.reason) == (False, TOO_THICK)
     assert grip.opening > 0.010
     assert robot.world.contacts.peak_on_berry[berry] < max(before, 3.0)
+
+
+def test_what_is_thicker_than_a_stem_is_let_go_of(robot):
+    world, berry = robot.world, in_front(robot)
+    for name in world.planted[berry].stub:  # as thick as a stem with a leaf beside it
+        world.model.geom(name).size[0] = 0.0025
+    robot.release(0.6)
+    assert reach(robot, true_picking_points(world)[berry]).reached
+    grip = robot.grip()
+    assert (grip.holding, grip.reason) == (False, NOT_ALONE)
+    assert grip.opening > 0.0025
+    assert not robot.gripped()
+    assert robot._pad_gap() == pytest.approx(2 * 0.6 * GRIP_OPENING, abs=0.001)  # as wide as before
+
+
+def test_the_fingers_open_as_far_as_they_are_told(robot):
+    for opening in (1.0, 0.5, 0.0, 0.5):
+        robot.release(opening)
+        assert robot._pad_gap() == pytest.approx(2 * opening * GRIP_OPENING, abs=0.001)
 
 
 def test_the_camera_sits_where_kinematics_says(robot):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from punnet.errors import ConfigurationError
 from punnet.harvest.order import DEFAULT_ORDER, order_of
+from punnet.robot import COMING_IN
 
 __all__ = ["MOST_SIDE_VIEWS", "HarvestConfig"]
 
@@ -44,6 +45,9 @@ class HarvestConfig:
         Newtons of the tool on a fruit at which a reach is broken off; None: never.
     most_attempts
         Attempts after which the harvest ends; None: when no berry is left.
+    opening
+        Share of their full opening with which the grasping fingers go into the plant, in (0, 1]: the wider, the worse may a
+        stem be located, and the more of its neighbours are between the fingers when they close.
     separation
         Opening of the separation fingers once the stem is between the pads, in [0, 1].
     nominal_punnet
@@ -66,6 +70,7 @@ class HarvestConfig:
     look_on_the_way: float = 0.21
     reach_force: float | None = 8.0
     most_attempts: int | None = None
+    opening: float = COMING_IN
     separation: float = 1.0
     nominal_punnet: float = 250.0
     punnet_berries: int = 18
@@ -85,6 +90,8 @@ class HarvestConfig:
             raise ConfigurationError(
                 "harvest: attempts, patience and most_looks must be ≥ 1, retreat and same_berry > 0"
             )
+        if not 0 < self.opening <= 1:
+            raise ConfigurationError(f"harvest: opening must lie in (0, 1], got {self.opening}")
         if not (0 <= self.side_views <= MOST_SIDE_VIEWS and 0 <= (self.least_ripeness or 0) <= 1):
             raise ConfigurationError(
                 f"harvest: side_views must lie in 0…{MOST_SIDE_VIEWS} and least_ripeness in 0…1, got "

@@ -63,7 +63,7 @@ class Motions:
     def go_home(self) -> MotionResult:
         """Tool closed and empty, arm to the pose that the plant is looked at from."""
         self._robot.separate(0.0)
-        self._robot.release()
+        self._robot.release(self._config.opening)
         return self._through(np.stack((self._robot.joints(), self._arm.home)), self._config.speed)
 
     def require_home(self) -> None:
@@ -164,7 +164,7 @@ class Motions:
         return self._through(path, self._config.careful_speed)
 
     def back_off(self) -> MotionResult:
-        """Let go of whatever is held and leave the plant."""
+        """Let go of whatever is held and leave the plant, fingers wide open: no fruit may stick between them."""
         self._robot.release()
         self._robot.separate(0.0)
         return self.retreat()
@@ -190,7 +190,7 @@ class Motions:
 
     def leave_punnet(self) -> MotionResult:
         """Let go, and straight up again, so that the way home does not lead through the punnet's walls."""
-        self._robot.release()
+        self._robot.release(self._config.opening)
         if self._over_punnet is None:
             return MotionResult(True)
         return self._through(np.stack((self._robot.joints(), self._over_punnet)), self._config.careful_speed)

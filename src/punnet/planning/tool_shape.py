@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from punnet.planning.capsules import Capsules
-from punnet.robot import T_FLANGE_TOOL
+from punnet.robot import COMING_IN, GRIP_OPENING, T_FLANGE_TOOL
 
 __all__ = ["ARM", "CARRIED", "OPENING", "SLOT", "SOLID", "Placed", "placed"]
 
 _REACH = float(T_FLANGE_TOOL[2, 3])
 _TIP = _REACH + 0.004
-_FINGER = 0.0225  # y of the open grasping fingers
+_GAP = COMING_IN * GRIP_OPENING  # half of it, between the fingers as they come in
+_FINGER = _GAP + 0.0055  # y of their middles
 _HINGE = np.array([0.028, 0.018, 0.095])  # of a separation finger, of which the paddle is 0.1 long
 _OPEN = 0.36  # radians
 
@@ -46,7 +47,7 @@ SOLID = _capsules(
 )
 """What the picker is made of as it comes in: fingers, closed paddles, housing, camera."""
 
-SLOT = _capsules(((0.0, 0.0, 0.10), (0.0, 0.0, _REACH - 0.004), 0.017))
+SLOT = _capsules(((0.0, 0.0, 0.10), (0.0, 0.0, _REACH - 0.004), _GAP))
 """The gap between the grasping fingers: a stem in it is gripped, or dragged along when the tool leaves."""
 
 OPENING = _capsules(*(_paddle(side, share * _OPEN) for side in (-1.0, 1.0) for share in (0.5, 1.0)))

@@ -108,9 +108,9 @@ class DryRunRobot:
         self._act("cut")
         return CutResult(True)
 
-    def release(self) -> None:
-        """Note it."""
-        self._act("release")
+    def release(self, opening: float = 1.0) -> None:
+        """Note the opening."""
+        self._act("release", opening=opening)
 
     def weigh_punnet(self, punnet: int) -> float | None:
         """Nothing lies in it, so there is no reading."""

@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 from punnet.movement import JointTrajectory
 from punnet.scene import Frame
 
-__all__ = ["TOO_THICK", "CutResult", "GripResult", "MotionResult", "Robot"]
+__all__ = ["NOT_ALONE", "TOO_THICK", "CutResult", "GripResult", "MotionResult", "Robot"]
 
 TOO_THICK = "something thicker than a stem between the pads"
 """Reason of a grip that was not made firm, since a fruit is in it."""
+
+NOT_ALONE = "a leaf or another stem between the pads too"
+"""Reason of a firm grip that was opened again, since it does not hold the stem alone."""
 
 
 @dataclass(frozen=True)
@@ -78,15 +81,15 @@ class Robot(Protocol):
         ...
 
     def grip(self) -> GripResult:
-        """Close the grasping fingers; gently, and open again with the reason :data:`TOO_THICK`, where it can tell a fruit."""
+        """Close the grasping fingers, gently; open again with :data:`TOO_THICK` or :data:`NOT_ALONE` where it can tell."""
         ...
 
     def cut(self) -> CutResult:
         """Drive the blade once."""
         ...
 
-    def release(self) -> None:
-        """Open the grasping fingers."""
+    def release(self, opening: float = 1.0) -> None:
+        """Open the grasping fingers by ``opening`` in [0, 1] (1 fully)."""
         ...
 
     def weigh_punnet(self, punnet: int) -> float | None:

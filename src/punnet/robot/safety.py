@@ -183,9 +183,9 @@ class GuardedRobot:
         """Drive the blade once."""
         return self._robot.cut()
 
-    def release(self) -> None:
+    def release(self, opening: float = 1.0) -> None:
         """Open the grasping fingers."""
-        self._robot.release()
+        self._robot.release(opening)
 
     def weigh_punnet(self, punnet: int) -> float | None:
         """Reading of the weigh cell under a punnet, grams."""

@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 from punnet.errors import RobotError
 from punnet.geometry import CameraIntrinsics
 from punnet.movement import JointTrajectory
-from punnet.robot import TOO_THICK, CutResult, GripResult, MotionResult, Panda
-from punnet.robot.tool import T_FLANGE_CAMERA
+from punnet.robot import NOT_ALONE, TOO_THICK, CutResult, GripResult, MotionResult, Panda
+from punnet.robot.tool import GRIP_OPENING, T_FLANGE_CAMERA
 from punnet.scene import Frame
 from punnet.sim.arm import JOINT_NAMES, SERVO_LAG
 from punnet.sim.camera_effects import CameraEffects, apply_effects
 from punnet.sim.cutting import CUT_ABOVE_CALYX, StemState, apply_cut, gripped_berries, stem_states
 from punnet.sim.depth_sensor import StereoDepthModel
 from punnet.sim.layers import ARM_VISUAL
-from punnet.sim.picker import BLADE_RETRACTED, CAMERA_NAME, GRIP_OPENING, SEPARATION_ANGLE
+from punnet.sim.picker import BLADE_RETRACTED, CAMERA_NAME, SEPARATION_ANGLE
 from punnet.sim.punnets import PUNNET_PLACES, inside_punnet
 from punnet.sim.rendering import CameraRenderer
 from punnet.sim.world import TIME_STEP, World
@@ -36,7 +36,8 @@ _TRACKING_LIMIT = 0.12  # rad between where the arm is and should be: it is held
 _FINGER_TIME = 0.45
 _BLADE_TIME = 0.25
 _HOLDING_GAP = 0.0008  # pads closer than this hold nothing
-_THICKEST_STEMS = 0.008  # pads farther apart than this hold a fruit
+_THICKEST_STEMS = 0.008  # pads that have closed gently and are farther apart than this hold a fruit
+_THICKEST_STEM = 0.0024  # and firmly: something besides one stem
 _GENTLE = 0.0006  # metres that each pad's target leads it by while it closes: less than a newton
 _GENTLE_TIME = 2.0
 _STANDS_STILL = 0.4  # of the speed that it had: something is in its way
@@ -170,14 +171,20 @@ class SimulatedPanda:
     def grip(self) -> GripResult:
         """Close the grasping fingers, gently first: pads that stay apart have a fruit between them, and open again.
 
-        Holding is judged by the gap that is left when they have closed with force.
+        So they do if, closed with force, they are farther apart than a stem is thick: what a leaf or a second stem keeps
+        apart does not hold the berry. Holding is judged by the gap that is left.
         """
+        opening = self._pad_gap() / 2.0 / GRIP_OPENING
         self._close_gently()
         gap = self._pad_gap()
         if gap > _THICKEST_STEMS:
-            self.release()
+            self.release(opening)
             return GripResult(False, gap, TOO_THICK)
         self._move_fingers({"grasp_left": -0.004, "grasp_right": -0.004}, _FIRM_TIME)
+        gap = self._pad_gap()
+        if gap > _THICKEST_STEM:
+            self.release(opening)
+            return GripResult(False, gap, NOT_ALONE)
         return self.holding()
 
     def _close_gently(self) -> None:
@@ -216,9 +223,10 @@ class SimulatedPanda:
         self._move_fingers({"blade": BLADE_RETRACTED}, _BLADE_TIME)
         return CutResult(bool(came_off), None if came_off else _why_not_cut(states))
 
-    def release(self) -> None:
-        """Open the grasping fingers."""
-        self._move_fingers({"grasp_left": GRIP_OPENING, "grasp_right": GRIP_OPENING}, _FINGER_TIME)
+    def release(self, opening: float = 1.0) -> None:
+        """Open the grasping fingers by ``opening`` in [0, 1]."""
+        half = float(np.clip(opening, 0.0, 1.0)) * GRIP_OPENING
+        self._move_fingers({"grasp_left": half, "grasp_right": half}, _FINGER_TIME)
 
     def weigh_punnet(self, punnet: int) -> float:
         """Weigh-cell reading after the content has come to rest, grams."""

@@ -12,7 +12,7 @@ import math
 import mujoco
 import numpy as np
 
-from punnet.robot.tool import BLADE_ABOVE_GRIP, T_FLANGE_CAMERA, T_FLANGE_TOOL
+from punnet.robot.tool import BLADE_ABOVE_GRIP, GRIP_OPENING, T_FLANGE_CAMERA, T_FLANGE_TOOL
 from punnet.sim.arm import FLANGE_BODY
 from punnet.sim.layers import PLANT_VISUAL, TOUCHES_NOTHING, TOUCHES_PLANT_AND_STRUCTURE
 from punnet.sim.orientation import mujoco_quaternion
@@ -20,7 +20,6 @@ from punnet.sim.orientation import mujoco_quaternion
 __all__ = [
     "BLADE_RETRACTED",
     "CAMERA_NAME",
-    "GRIP_OPENING",
     "PAD_GEOMS",
     "SEPARATION_ANGLE",
     "add_picker",
@@ -28,15 +27,13 @@ __all__ = [
 
 CAMERA_NAME = "wrist"
 PAD_GEOMS = ("pad_left", "pad_right")
-GRIP_OPENING = 0.017
-"""Half of the gap between the open pads, metres."""
 SEPARATION_ANGLE = (0.0, 0.36)
 """Angle of each separation finger to the tool axis, closed and fully open, radians."""
 BLADE_RETRACTED = -0.035
 """Where the blade waits, metres behind the grip point."""
 
 _FLANGE_FACE = 0.107  # flange face in the frame of the arm's last link
-_GRIP_FORCE = 5.0
+_GRIP_FORCE = 3.0  # newtons of each pad; a stem holds, and a fruit between both is not bruised
 _GRIP_Z = float(T_FLANGE_TOOL[2, 3])
 _DARK = (0.13, 0.13, 0.15, 1.0)
 _PRINTED = (0.82, 0.83, 0.85, 1.0)

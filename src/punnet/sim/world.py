@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from punnet.errors import ConfigurationError, RobotError
 from punnet.robot.panda import HOME
+from punnet.robot.tool import GRIP_OPENING
 from punnet.sim.arm import JOINT_NAMES, load_arm
 from punnet.sim.cluster import Cluster, ClusterConfig, grow_cluster
 from punnet.sim.contacts import ContactMonitor
 from punnet.sim.layers import SCENERY, STRUCTURE
 from punnet.sim.lighting import set_night
 from punnet.sim.orientation import mujoco_quaternion
-from punnet.sim.picker import CAMERA_NAME, GRIP_OPENING, add_picker
+from punnet.sim.picker import CAMERA_NAME, add_picker
 from punnet.sim.plant import PlantedBerry, add_cluster, add_leaves
 from punnet.sim.punnets import add_punnets
 from punnet.sim.scenery import add_scenery
