@@ -10,15 +10,21 @@ from punnet.harvest.attempts import Attempt, Phase
 from punnet.harvest.failures import Failure, StepFailed
 from punnet.harvest.order import order_of
 from punnet.harvest.seeing import untried_directions
-from punnet.harvest.situation import Parts, Situation, weighed
+from punnet.harvest.situation import Parts, Sighting, Situation, stem_is_hidden, weighed
 from punnet.movement import TrajectoryDistribution
-from punnet.scene import Frame, Strawberries, Target
+from punnet.scene import KEYPOINTS, Frame, Strawberries, Target, Visibility
 
 __all__ = ["Check", "Order", "Plan"]
 
+_TOP = KEYPOINTS.index("top")
+
 
 class Order:
-    """Which berry next, and for which punnet."""
+    """Which berry next, and for which punnet.
+
+    A berry whose stem something hides waits: after the picks before it, or from a side, it may be seen better. When
+    none is left that can be seen, it is tried as it showed best.
+    """
 
     phase = Phase.ORDER
 
@@ -35,24 +41,41 @@ class Order:
         most = self._parts.config.most_attempts
         if most is not None and len(situation.run.attempts) >= most:
             return None
-        if not rows:
-            situation.side_view += 1
-            return Phase.LOOK if situation.side_view <= self._parts.config.side_views else None
-        row, punnet = self._choose(rows, berries, len(situation.run.attempts) + 1)
+        from_home = situation.second_view_of is None and situation.side_view == 0
+        if situation.second_view_of is None:
+            hidden = [row for row in rows if stem_is_hidden(berries, row)]
+            situation.hidden += [Sighting(frame, berries, row, from_home) for row in hidden]
+            rows = [row for row in rows if row not in hidden]
+        if rows:
+            self._begin(situation, [Sighting(frame, berries, row, from_home) for row in rows])
+            return Phase.PLAN
+        situation.side_view += 1
+        if situation.side_view <= self._parts.config.side_views:
+            return Phase.LOOK
+        if not situation.hidden:
+            return None
+        self._begin(situation, [max(situation.hidden, key=_shown)])
+        return Phase.PLAN
+
+    def _begin(self, situation: Situation, sightings: list[Sighting]) -> None:
+        """An attempt at one of them."""
+        number = len(situation.run.attempts) + 1
+        sighting, punnet = self._choose(sightings, number)
+        berries, row = sighting.berries, sighting.row
         low, high = berries.weight_intervals[row]
         situation.attempt = Attempt(
-            number=len(situation.run.attempts) + 1,
-            frame=frame,
+            number=number,
+            frame=sighting.frame,
             berries=berries,
             row=row,
             picking_point=berries.picking_points[row],
             estimate=float(berries.weights[row]),
             interval=(float(low), float(high)),
             meant_for=punnet,
-            second_view=situation.second_view_of is not None or situation.side_view > 0,
+            second_view=not sighting.from_home,
         )
         situation.side_view = 0
-        return Phase.PLAN
+        situation.hidden = []
 
     def _candidates(self, situation: Situation, frame: Frame, berries: Strawberries) -> list[int]:
         """Rows in the order to pick them; from a second view only the berry that it was turned to."""
@@ -65,7 +88,7 @@ class Order:
             return rows
         return [row for row in rows if situation.memory.at(berries.picking_points[row]) is place][:1]
 
-    def _choose(self, rows: list[int], berries: Strawberries, number: int) -> tuple[int, int | None]:
+    def _choose(self, sightings: list[Sighting], number: int) -> tuple[Sighting, int | None]:
         """The first that fits a punnet, and that punnet.
 
         A berry that fits none waits on the plant; when there are only such, the one that fits best. No punnet:
@@ -73,16 +96,23 @@ class Order:
         """
         packer = self._parts.packer
         offers = []
-        for row in rows:
-            best = packer.best(weighed(berries, row, number))
+        for sighting in sightings:
+            best = packer.best(weighed(sighting.berries, sighting.row, number))
             if best is None:
-                return row, None
+                return sighting, None
             punnet, cost = best
             if cost <= packer.policy.price_aside:
-                return row, punnet
-            offers.append((cost, row, punnet))
-        _, row, punnet = min(offers)
-        return row, punnet
+                return sighting, punnet
+            offers.append((cost, sighting, punnet))
+        _, sighting, punnet = min(offers, key=lambda offer: offer[0])
+        return sighting, punnet
+
+
+def _shown(sighting: Sighting) -> tuple[bool, int]:
+    """By how much of a berry, whose stem is hidden, is known: its top, and its outline in pixels."""
+    berries, row = sighting.berries, sighting.row
+    top = berries.visibility is not None and bool(berries.visibility[row, _TOP] == Visibility.VISIBLE)
+    return top, 0 if berries.masks is None else int(np.count_nonzero(berries.masks[row]))
 
 
 class Plan:

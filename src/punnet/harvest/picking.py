@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from punnet.harvest.attempts import Attempt, Outcome, Phase
 from punnet.harvest.failures import Failure, StepFailed
-from punnet.harvest.situation import Parts, Situation, weighed
+from punnet.harvest.situation import Parts, Situation, stem_is_hidden, weighed
 from punnet.robot import TOO_THICK, MotionResult
 
 __all__ = ["CUTTING", "GRIPPING", "Cut", "Grip", "Place", "Reach", "Separate", "Verify"]
@@ -51,25 +51,26 @@ class Reach:
         """How far (3,) from the planned point the tool has to go, by a look on the way; 0 where it can't tell.
 
         Within what two looks differ by noise the first counts: nearer by, but from a slant, the second is no better. A
-        berry that is not seen again was mostly located badly, since others hide its top: at the first try it is left,
-        and seen from elsewhere later.
+        look that shows the stem counts for more than one in which something hides it. A berry that is not seen again
+        was mostly located badly: at the first try it is left, and seen from elsewhere later.
         """
         try:
             berries = self._parts.eyes.perceive(self._parts.eyes.look())
         except StepFailed as failure:
             self._parts.tell(f"goes on without a look on the way: {failure.reason}", attempt)
             return np.zeros(3)
-        offsets = berries.picking_points[berries.pluckable] - attempt.picking_point
-        offsets = offsets[np.isfinite(offsets).all(axis=1)]
-        distances = np.linalg.norm(offsets, axis=1)
-        if not len(offsets) or distances.min() > self._parts.config.same_berry:
+        offsets = np.where(berries.pluckable[:, None], berries.picking_points - attempt.picking_point, np.inf)
+        distances = np.nan_to_num(np.linalg.norm(offsets, axis=1), nan=np.inf)
+        row = int(np.argmin(distances)) if len(distances) else 0
+        guessed = stem_is_hidden(attempt.berries, attempt.row)
+        if not len(distances) or distances[row] > self._parts.config.same_berry:
             attempt.confirmed = False
-            if tries == 0:
+            if tries == 0 and not guessed:
                 raise StepFailed(Failure.NOT_CONFIRMED)
             self._parts.tell("does not see the berry on the way, goes on as planned", attempt)
             return np.zeros(3)
-        offset, distance = offsets[np.argmin(distances)], float(distances.min())
-        if distance <= _LOOKS_DIFFER:
+        offset, distance = offsets[row], float(distances[row])
+        if stem_is_hidden(berries, row) or (distance <= _LOOKS_DIFFER and not guessed):
             return np.zeros(3)
         self._parts.tell(f"the berry has moved by {1000 * distance:.0f} mm", attempt)
         return np.asarray(offset)

@@ -13,11 +13,13 @@ from punnet.harvest.memory import Memory, Place
 from punnet.harvest.motions import Motions
 from punnet.planning import Planner
 from punnet.robot import GuardedRobot
-from punnet.scene import Frame, Strawberries
+from punnet.scene import KEYPOINTS, Frame, Strawberries, Visibility
 from punnet.weight import WeightEstimator
 from punnet.weight.packing import Packer, WeighedBerry
 
-__all__ = ["Listener", "Parts", "Situation", "Step", "weighed"]
+__all__ = ["Listener", "Parts", "Sighting", "Situation", "Step", "stem_is_hidden", "weighed"]
+
+_PICKING_POINT = KEYPOINTS.index("picking_point")
 
 Listener = Callable[[str, Attempt | None], None]
 """Told of each step: a line for a person, and the attempt it belongs to."""
@@ -37,13 +39,24 @@ class Parts:
     tell: Listener
 
 
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """A berry, ``row`` of ``berries``, as a frame showed it; ``from_home`` whether that was taken from home."""
+
+    frame: Frame
+    berries: Strawberries
+    row: int
+    from_home: bool = True
+
+
 @dataclass(eq=False)
 class Situation:
     """What is known at the moment.
 
     ``frame`` and ``berries`` are of the last look; ``second_view_of`` is the place it was turned to, None if the plant was
     looked at from home; ``attempt`` is the one in hand. ``looks`` counts them, ``in_vain`` those in a row that gave nothing;
-    ``side_view`` is the number of the view of the whole plant that comes next or was taken last, 0 from home.
+    ``side_view`` is the number of the view of the whole plant that comes next or was taken last, 0 from home;
+    ``hidden`` are berries of these views whose stems something hides.
     """
 
     memory: Memory
@@ -55,6 +68,7 @@ class Situation:
     looks: int = 0
     in_vain: int = 0
     side_view: int = 0
+    hidden: list[Sighting] = field(default_factory=list)
 
     @property
     def seen(self) -> tuple[Frame, Strawberries]:
@@ -83,6 +97,13 @@ class Step(Protocol):
         StepFailed
             If it does not work out.
         """
+
+
+def stem_is_hidden(berries: Strawberries, row: int) -> bool:
+    """Whether something else hides where the stem is to be gripped: then the point is guessed, and three times as far off."""
+    return berries.visibility is not None and bool(
+        berries.visibility[row, _PICKING_POINT] == Visibility.HIDDEN_BY_OTHER
+    )
 
 
 def weighed(attempt_berries: Strawberries, row: int, number: int) -> WeighedBerry:

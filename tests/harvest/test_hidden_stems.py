@@ -1,0 +1,108 @@
+"""Berries whose stem something hides: tried last, and where they showed best."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from punnet.harvest.attempts import Outcome
+from punnet.harvest.scenario import Scenario, Session
+from punnet.harvest.situation import stem_is_hidden
+from punnet.scene import KEYPOINTS, Strawberries, Visibility
+from punnet.sim.world import WorldConfig
+from tests.harvest.kinematic import KinematicRobot, a_harvester
+
+STEM = KEYPOINTS.index("picking_point")
+
+
+@pytest.fixture(scope="module")
+def two_berries():
+    """One look at a simulated plant, and two ripe berries in it, the one that hangs in front first."""
+    with Session(Scenario(6, "oracle", WorldConfig(arm_visuals=False))) as session:
+        frame = session.robot.look()
+        berries = session.harvester._parts.eyes._detector.detect(frame)
+        rows = np.flatnonzero(berries.pluckable)
+        return frame, berries[rows[np.argsort(berries.picking_points[rows, 0])[[0, -1]]]]
+
+
+def seen_as(berries, visibilities):
+    visibility = berries.visibility.copy()
+    visibility[:, STEM] = visibilities
+    return berries.with_fields(visibility=visibility)
+
+
+class Glances:
+    """Eyes that see each berry's stem as the frame's number says, from the second look on as clearly as can be."""
+
+    name = "glances"
+
+    def __init__(self, robot, first, later):
+        self._robot, self._first, self._later = robot, first, later
+        self.looks = 0
+
+    def detect(self, frame):
+        self.looks += 1
+        rows = sorted(self._robot.hanging)
+        seen = self._first if self.looks == 1 else self._later
+        return seen_as(self._robot.berries, seen)[rows]
+
+
+def harvested(two_berries, first, later, **settings):
+    frame, berries = two_berries
+    robot = KinematicRobot(frame, berries)
+    harvester = a_harvester(robot, **settings)
+    harvester._parts.eyes._detector = Glances(robot, first, later)
+    return robot, harvester.run()
+
+
+def test_one_in_sight_comes_before_one_whose_stem_is_hidden(two_berries):
+    _, berries = two_berries
+    hidden, shown = Visibility.HIDDEN_BY_OTHER, Visibility.VISIBLE
+    for first in ((hidden, shown), (shown, hidden)):
+        _, run = harvested(two_berries, first, first)
+        assert [attempt.outcome for attempt in run.attempts] == [Outcome.PICKED] * 2
+        aimed = [attempt.picking_point for attempt in run.attempts]
+        assert np.allclose(aimed[0], berries.picking_points[first.index(shown)])
+
+
+def test_when_all_are_hidden_from_home_the_plant_is_looked_at_from_its_sides(two_berries):
+    hidden, shown = (Visibility.HIDDEN_BY_OTHER,) * 2, (Visibility.VISIBLE,) * 2
+    _, run = harvested(two_berries, hidden, shown)
+    assert [attempt.second_view for attempt in run.attempts] == [True, False]
+    assert len(run.picked) == 2
+
+
+def test_what_stays_hidden_is_tried_all_the_same(two_berries):
+    hidden = (Visibility.HIDDEN_BY_OTHER,) * 2
+    _, run = harvested(two_berries, hidden, hidden)
+    assert len(run.picked) == 2
+
+
+def test_without_key_points_no_stem_counts_as_hidden(two_berries):
+    _, berries = two_berries
+    assert stem_is_hidden(seen_as(berries, Visibility.HIDDEN_BY_OTHER), 0)
+    assert not stem_is_hidden(seen_as(berries, Visibility.HIDDEN_BY_ITSELF), 0)
+    bare = Strawberries((480, 640), berries.boxes)
+    assert not stem_is_hidden(bare, 0)
+
+
+def test_a_look_on_the_way_that_hides_the_stem_moves_nothing(two_berries):
+    frame, berries = two_berries
+    shown, hidden = Visibility.VISIBLE, Visibility.HIDDEN_BY_OTHER
+    robot = KinematicRobot(frame, berries[[0]])
+    moved = replace(berries[[0]], picking_points=berries.picking_points[[0]] + (0.0, 0.012, 0.0))
+    harvester = a_harvester(robot, attempts=1)
+
+    class OnTheWay:
+        name, looks = "on the way", 0
+
+        def detect(self, frame):
+            self.looks += 1
+            if not robot.hanging:
+                return berries[[]]
+            return seen_as(berries[[0]], shown) if self.looks == 1 else seen_as(moved, hidden)
+
+    harvester._parts.eyes._detector = OnTheWay()
+    run = harvester.run()
+    assert run.attempts[0].outcome is Outcome.PICKED
+    assert not run.attempts[0].shift.any()
