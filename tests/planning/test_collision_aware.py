@@ -174,6 +174,18 @@ def test_what_the_tool_meets_costs_and_what_it_passes_does_not():
     assert collision_costs(scene(), straight_poses(height=-1.0)).hard[0] > 1.0
 
 
+def test_a_stem_between_the_fingers_costs_more_than_one_that_they_brush(planner):
+    planned = planner.planner.plan(FRAME, target(), HOME)
+    poses = ARM.forward_kinematics(planned.mean(CHECKED_PHASES))[None]
+    end = ARM.forward_kinematics_tool(planned.mean([1.0])[0])
+    behind = end[:3, 3] - 0.04 * end[:3, 2] - (0.0, 0.0, 0.05) - POINT
+
+    def cost(aside):
+        return float(collision_costs(scene(stems=[behind + aside * end[:3, 1]]), poses).total[0])
+
+    assert cost(0.0) > 4.0 * cost(0.0145) > 0.0  # in the middle; under a finger
+
+
 def test_turns_fill_their_box():
     halves = np.array([0.6, 0.2, 0.1, 0.005])
     turns = spread_offsets(64, halves)

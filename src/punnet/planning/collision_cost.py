@@ -1,7 +1,8 @@
 """What a reach would run into: a cost for each of many reaches, from what was observed.
 
 A thing costs by how far the tool comes into its margin, at the worst moment. What the tool may brush (stems, leaves)
-costs less than fruit, what would damage the machine (structure) much more.
+costs less than fruit, what would damage the machine (structure) much more. A stem between the fingers costs most of
+what grows: once they have closed it can't get out, and its berry is dragged along until the picked one is lost.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ _WEIGHTS = {
     "opening": 0.5,
     "carried": 0.3,
     "slot": 1.5,
-    "brushed": 0.3,
+    "caught": 6.0,
+    "brushed": 0.1,
     "soft": 1.0,
     "hard": 20.0,
 }
@@ -65,10 +67,9 @@ def collision_costs(scene: ObservedScene, T_base_flange: NDArray[np.float64]) ->
         + _WEIGHTS["opening"] * _depths(scene.fruit, OPENING, T[:, _APPROACHING], FRUIT_MARGIN, scene.care)
         + _WEIGHTS["carried"] * _depths(scene.fruit, CARRIED, T[:, _LEAVING], FRUIT_MARGIN, scene.care)
     )
-    stems = (
-        _WEIGHTS["slot"] * _depths(scene.stems, SLOT, T, STEM_MARGIN)
-        + _WEIGHTS["brushed"] * _depths(scene.stems, SOLID, T, STEM_MARGIN)
-        + _WEIGHTS["carried"] * _depths(scene.stems, CARRIED, T[:, _LEAVING], STEM_MARGIN)
+    stems = _WEIGHTS["caught"] * _depths(scene.stems, SLOT, T, STEM_MARGIN) + _WEIGHTS["brushed"] * (
+        _depths(scene.stems, SOLID, T, STEM_MARGIN)
+        + _depths(scene.stems, CARRIED, T[:, _LEAVING], STEM_MARGIN)
     )
     solid = placed(SOLID, T).points(_POINTS)
     arm = placed(ARM, T).points(_POINTS)

@@ -20,7 +20,7 @@ from punnet.scene import Frame, Strawberries, Target
 
 __all__ = ["STEM_LENGTH", "ObservedScene", "observe"]
 
-STEM_LENGTH = 0.10
+STEM_LENGTH = 0.14
 """Metres of stem above a calyx that are taken to hang plumb."""
 STEM_RADIUS = 0.0015
 
