@@ -21,7 +21,7 @@ def test_regions_hold_what_was_left_out(reaches: Reaches, rng) -> None:
     for scale in (0.003, 0.03):
         leverage = rng.uniform(0.0, 0.5, M)
         off = scale * np.sqrt(1.0 + leverage)[:, None] * rng.normal(size=(M, 7))
-        doubt = doubt_of_ends("task", reaches, LeftOut(np.ones(7), off, leverage), within)
+        doubt = doubt_of_ends("task", reaches, LeftOut(np.ones(7), off, leverage, 2.5), within)
         assert np.linalg.eigvalsh(doubt).min() > 0
         told = (off - (reaches.pose.mean @ reaches.basis.phi([1.0])[0]))[reaches.targets] + reaches.ends
         region = ((1.0 + leverage)[:, None, None] * doubt)[reaches.targets][:, :3, :3]

@@ -65,7 +65,7 @@ def test_labels_that_were_swapped_do_little_harm(reaches: Reaches) -> None:
     harm = []
     for freedom in (2.5, 1e9):
         clean, swapped = (
-            fit_full(FullConfig(freedom=freedom), r) for r in (reaches, replace(reaches, boxes=boxes))
+            fit_full(FullConfig(freedoms=(freedom,)), r) for r in (reaches, replace(reaches, boxes=boxes))
         )
         apart = ends(rest, clean.predict(rest).mean)[:, :3] - ends(rest, swapped.predict(rest).mean)[:, :3]
         harm.append(np.linalg.norm(apart, axis=1).mean())
@@ -79,8 +79,8 @@ def test_too_little_is_said(reaches: Reaches) -> None:
         fit_full(FullConfig(), replace(reaches, groups=("one",) * 15))
     with pytest.raises(ConfigurationError, match="space"):
         FullConfig("elsewhere")
-    with pytest.raises(ConfigurationError, match="freedom"):
-        FullConfig(freedom=0.0)
+    with pytest.raises(ConfigurationError, match="freedoms"):
+        FullConfig(freedoms=(2.5, 0.0))
 
 
 def test_real_reaches_leaving_one_scene_out(shared_data) -> None:

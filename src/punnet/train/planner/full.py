@@ -52,18 +52,19 @@ class FullConfig:
     ----------
     space
         ``joint`` or ``task``.
-    freedom
-        ν of the multivariate t that errors are taken to have: the smaller, the less rows count that fit nothing.
+    freedoms
+        ν of the multivariate t that errors are taken to have: the smaller, the less rows count that fit nothing, as swapped
+        labels do; of several, what does best on groups left out.
     """
 
     space: Space = "task"
-    freedom: float = 2.5
+    freedoms: tuple[float, ...] = (2.5, 10.0, 1e6)
 
     def __post_init__(self) -> None:
         if self.space not in get_args(Space):
             raise ConfigurationError(f"planner: space must be joint or task, got {self.space!r}")
-        if not (np.isfinite(self.freedom) and self.freedom > 0):
-            raise ConfigurationError(f"planner: freedom must be positive, got {self.freedom}")
+        if not self.freedoms or not all(np.isfinite(freedom) and freedom > 0 for freedom in self.freedoms):
+            raise ConfigurationError(f"planner: freedoms must be positive numbers, got {self.freedoms}")
 
     @property
     def kind(self) -> str:
@@ -175,17 +176,14 @@ def fit_full(config: FullConfig, reaches: Reaches) -> FullPrediction:
     centres, lights = _centres(target_boxes(reaches)), _target_lights(reaches)
 
     def fitted(features: Array) -> tuple[EndModel, LeftOut]:
-        unseen = leave_folds_out(
-            features,
-            ends,
-            fold_numbers(reaches.groups, FOLDS),
-            config.freedom,
-            counted,
+        folds = fold_numbers(reaches.groups, FOLDS)
+        unseen = min(
+            (leave_folds_out(features, ends, folds, freedom, counted) for freedom in config.freedoms),
+            key=lambda one: _how_far(place, one),
         )
-        regression = fit_robustly(features, ends, unseen.penalties, config.freedom, counted)
-        return EndModel(
-            regression, given.gain @ _root(doubt_of_ends(config.space, reaches, unseen, within))
-        ), unseen
+        regression = fit_robustly(features, ends, unseen.penalties, unseen.freedom, counted)
+        doubt = doubt_of_ends(config.space, reaches, unseen, within)
+        return EndModel(regression, given.gain @ _root(doubt)), unseen
 
     by_box, unseen = fitted(_polynomial(centres))
     by_light = None

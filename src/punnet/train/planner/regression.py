@@ -120,11 +120,14 @@ class LeftOut:
         (N, K) of each row, by the fit to the other folds with those penalties.
     leverage
         (N,) of each row in that fit.
+    freedom
+        ν of the fits.
     """
 
     penalties: Array
     residuals: Array
     leverage: Array
+    freedom: float
 
 
 def leave_folds_out(
@@ -163,6 +166,7 @@ def leave_folds_out(
         np.array(PENALTIES)[best],
         np.asarray(residuals[best, :, np.arange(K)].T),
         np.asarray(leverage[best].mean(axis=0)),
+        freedom,
     )
 
 
