@@ -52,8 +52,8 @@ def _named(berry: BerryObservation) -> dict[str, float]:
 
 def test_the_vectors_of_the_thesis() -> None:
     assert feature_names(FOREST_GROUPS) == (
-        "box_area_px",
-        "mask_area_px",
+        "box_area_m2",
+        "mask_area_m2",
         "nearest_m",
         *(f"depth_{k}" for k in range(12)),
     )
@@ -77,7 +77,8 @@ def test_an_ellipsoid_is_measured() -> None:
     assert found["solidity"] == pytest.approx(1.0, abs=0.04)
     assert found["direction_0_y"] > 0.9
     assert sum(found[f"depth_{k}"] for k in range(12)) == pytest.approx(1.0, abs=1e-5)
-    assert found["box_area_px"] > found["mask_area_px"] > 0
+    assert found["mask_area_m2"] == pytest.approx(math.pi * HALF[0] * HALF[1], rel=0.05)
+    assert found["box_area_m2"] == pytest.approx(4 * HALF[0] * HALF[1], rel=0.08)
 
 
 def test_a_berry_cut_by_the_border_is_said_to_be() -> None:

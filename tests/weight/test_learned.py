@@ -16,7 +16,7 @@ from punnet.scene import Strawberries
 from punnet.weight import WeightEstimator, observe
 from punnet.weight.choosing import default_weight_estimator, load_weight_estimator
 from punnet.weight.features import feature_matrix, feature_names
-from punnet.weight.learned import LearnedWeightEstimator
+from punnet.weight.learned import LearnedWeightEstimator, WeightSettings
 from tests.weight.scenes import ellipsoid_scene, one_berry
 from tests.weight.toy_model import DENSITY, SPREAD, toy_graph, toy_settings, write_toy_bundle
 
@@ -50,6 +50,20 @@ def test_without_a_spread_every_interval_is_as_wide(tmp_path: Path) -> None:
     np.testing.assert_allclose(estimates.intervals[0] / estimates.grams[0], np.exp([-1.5, 2.0]), rtol=1e-5)
 
 
+def test_a_detected_berry_has_its_own_interval(tmp_path: Path) -> None:
+    wider = {"kind": "split-conformal", "coverage": 0.9, "low": -3.0, "high": 4.0}
+    folder = write_toy_bundle(tmp_path / "toy", settings=toy_settings(interval_detected=wider))
+    frame, mask = ellipsoid_scene(CENTRE, HALF)
+    estimator = LearnedWeightEstimator.from_bundle(folder)
+    assert WeightSettings.from_json(estimator.settings.to_json(), where="here") == estimator.settings
+    for score, quantiles in ((1.0, (-1.5, 2.0)), (0.8, (-3.0, 4.0))):
+        berry = one_berry(mask).with_fields(scores=np.array([score]))
+        found = estimator.estimate(frame, berry)
+        np.testing.assert_allclose(
+            found.intervals[0] / found.grams[0], np.exp(SPREAD * np.array(quantiles)), rtol=1e-5
+        )
+
+
 def test_what_can_not_be_weighed_has_its_reason_and_its_place(bundle: Path) -> None:
     frame, mask = ellipsoid_scene(CENTRE, HALF)
     estimator = LearnedWeightEstimator.from_bundle(bundle)
@@ -78,12 +92,13 @@ def test_a_wild_number_is_no_weight(tmp_path: Path, density: float) -> None:
         ({"schema": "punnet-weight/9"}, "unknown here"),
         ({"feature_groups": ["colour"]}, "colour"),
         ({"feature_groups": "mask"}, "list of names"),
-        ({"features": ["mask_area_px"]}, "other names"),
+        ({"features": ["mask_area_m2"]}, "other names"),
         ({"interval": {"kind": "guess", "coverage": 0.9, "low": -1.0, "high": 1.0}}, "guess"),
         ({"interval": {"kind": "split-conformal", "coverage": 1.9, "low": -1.0, "high": 1.0}}, "coverage"),
         ({"interval": {"kind": "split-conformal", "coverage": 0.9, "low": 1.0, "high": 2.0}}, "low"),
         ({"interval": {"kind": "split-conformal", "coverage": 0.9, "low": "a", "high": 2.0}}, "numbers"),
         ({"interval": None}, "wrong kind"),
+        ({"interval_detected": {"kind": "split-conformal"}}, "missing"),
         ({"model": 3}, "text"),
     ],
 )

@@ -2,7 +2,8 @@
 
 The thesis (section 4.3.1) takes the area of the mask's box, the area of the mask, a histogram of depth with
 twelve bins, and the principal components of the convex hull of the berry's cloud: groups ``box``, ``mask``,
-``histogram`` and ``components``. The others (:mod:`punnet.weight.shape_features`) are physical sizes.
+``histogram`` and ``components``. Its areas are in pixels; ours are in square metres at the berry's distance, since few
+trees can learn to multiply by the square of a distance. The others (:mod:`punnet.weight.shape_features`) are physical sizes.
 """
 
 from __future__ import annotations
@@ -32,8 +33,8 @@ _BIN_DEPTH = 0.002
 _NEAREST_SHARE = 0.01
 
 FEATURES: dict[str, dict[str, str]] = {
-    "box": {"box_area_px": "area of the mask's box"},
-    "mask": {"mask_area_px": "pixels of the mask"},
+    "box": {"box_area_m2": "area of the box around berry and key-points, hidden parts too, at its distance"},
+    "mask": {"mask_area_m2": "area of the mask at its distance"},
     "histogram": {
         "nearest_m": "range at which the histogram begins: one point in a hundred is nearer",
         **{
@@ -86,8 +87,7 @@ def feature_matrix(observations: Sequence[BerryObservation], groups: Sequence[st
     """Features (N, F) of N berries, one column a name of :func:`feature_names`; all finite.
 
     Where in the image a cloud sits does not count: sizes are taken and directions given in the view along the line of
-    sight to the berry (areas in pixels apart, which are the thesis' and grow towards the image's border). Neither does
-    the order of the points.
+    sight to the berry. Neither does the order of the points.
 
     Raises
     ------
@@ -110,9 +110,9 @@ def feature_matrix(observations: Sequence[BerryObservation], groups: Sequence[st
 def _row(berry: BerryObservation, groups: Sequence[str]) -> dict[str, float]:
     row: dict[str, float] = {}
     if "box" in groups:
-        row["box_area_px"] = float(berry.mask.size)
+        row["box_area_m2"] = _box_pixels(berry) * berry.pixel_area
     if "mask" in groups:
-        row["mask_area_px"] = float(berry.mask.sum())
+        row["mask_area_m2"] = int(np.count_nonzero(berry.mask)) * berry.pixel_area
     if "histogram" in groups:
         row |= _histogram(berry)
     if "components" in groups:
@@ -120,6 +120,13 @@ def _row(berry: BerryObservation, groups: Sequence[str]) -> dict[str, float]:
     if not SHAPE_FEATURES.keys().isdisjoint(groups):
         row |= shape_features(berry)
     return row
+
+
+def _box_pixels(berry: BerryObservation) -> float:
+    """Of the box, which holds all of the mask whatever was given."""
+    rows, columns = berry.window
+    width = max(berry.box[2], columns.stop) - min(berry.box[0], columns.start)
+    return float(width * (max(berry.box[3], rows.stop) - min(berry.box[1], rows.start)))
 
 
 def _histogram(berry: BerryObservation) -> dict[str, float]:

@@ -75,6 +75,8 @@ class WeightSettings:
         What the graph is fed with, see :mod:`punnet.weight.features`.
     interval
         How wide intervals are.
+    detected
+        The same of berries that a detector has found, if the model was calibrated on such: their errors have other tails.
 
     Raises
     ------
@@ -85,6 +87,7 @@ class WeightSettings:
     model: str
     feature_groups: tuple[str, ...]
     interval: IntervalSettings
+    detected: IntervalSettings | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.model, str):
@@ -97,6 +100,12 @@ class WeightSettings:
         except (ConfigurationError, TypeError) as error:
             raise BundleError(f"{error}; this bundle is of another version of punnet") from error
 
+    def answer(self, berry: BerryObservation, grams: float, spread: float) -> tuple[float, float, float]:
+        """Grams, lower and upper bound of a berry of which a model said ``grams`` and ``spread``."""
+        found = berry.score < 1.0 and self.detected is not None
+        interval = self.detected if found and self.detected is not None else self.interval
+        return grams, grams * _exp(interval.low * spread), grams * _exp(interval.high * spread)
+
     def to_json(self) -> dict[str, Any]:
         """Plain JSON with the schema's name."""
         return {
@@ -104,12 +113,8 @@ class WeightSettings:
             "model": self.model,
             "feature_groups": list(self.feature_groups),
             "features": list(feature_names(self.feature_groups)),
-            "interval": {
-                "kind": _INTERVAL_KIND,
-                "coverage": self.interval.coverage,
-                "low": self.interval.low,
-                "high": self.interval.high,
-            },
+            "interval": _interval_json(self.interval),
+            **({} if self.detected is None else {"interval_detected": _interval_json(self.detected)}),
         }
 
     @classmethod
@@ -128,13 +133,13 @@ class WeightSettings:
                 f"update punnet, or {_MAKE_AGAIN}"
             )
         try:
-            interval = data["interval"]
-            if interval["kind"] != _INTERVAL_KIND:
-                raise BundleError(f"interval of kind {interval['kind']!r}; '{_INTERVAL_KIND}' is known")
             settings = cls(
                 model=data["model"],
                 feature_groups=data["feature_groups"],
-                interval=IntervalSettings(interval["coverage"], interval["low"], interval["high"]),
+                interval=_interval_from_json(data["interval"]),
+                detected=_interval_from_json(data["interval_detected"])
+                if "interval_detected" in data
+                else None,
             )
             if list(data["features"]) != list(feature_names(settings.feature_groups)):
                 raise BundleError("the features have other names or another order here")
@@ -245,17 +250,28 @@ class LearnedWeightEstimator:
     def weigh(self, observations: list[BerryObservation | str]) -> WeightEstimates:
         """The same for what :func:`~punnet.weight.observe` saw."""
         seen = [berry for berry in observations if not isinstance(berry, str)]
-        interval = self.settings.interval
         grams_of, spread = self._model.run(feature_matrix(seen, self.settings.feature_groups))
-        found = iter(zip(grams_of.tolist(), spread.tolist(), strict=True))
-        answers: list[tuple[float, float, float] | str] = []
-        for berry in observations:
-            if isinstance(berry, str):
-                answers.append(berry)
-                continue
-            grams, width = next(found)
-            answers.append((grams, grams * _exp(interval.low * width), grams * _exp(interval.high * width)))
-        return gather_estimates(answers, interval.coverage)
+        told = iter(zip(grams_of.tolist(), spread.tolist(), strict=True))
+        answers = [
+            berry if isinstance(berry, str) else self.settings.answer(berry, *next(told))
+            for berry in observations
+        ]
+        return gather_estimates(answers, self.settings.interval.coverage)
+
+
+def _interval_json(interval: IntervalSettings) -> dict[str, Any]:
+    return {
+        "kind": _INTERVAL_KIND,
+        "coverage": interval.coverage,
+        "low": interval.low,
+        "high": interval.high,
+    }
+
+
+def _interval_from_json(data: Any) -> IntervalSettings:
+    if data["kind"] != _INTERVAL_KIND:
+        raise BundleError(f"interval of kind {data['kind']!r}; '{_INTERVAL_KIND}' is known")
+    return IntervalSettings(data["coverage"], data["low"], data["high"])
 
 
 def _exp(value: float) -> float:

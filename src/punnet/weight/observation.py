@@ -69,6 +69,8 @@ class BerryObservation:
         (h, w) bool, the berry's pixels: one piece, without specks and without what lies in another layer of depth.
     cloud
         (P, 3) metres in the camera frame, outliers removed, P ≥ 20.
+    box
+        (4,) xyxy pixels of the whole image, around berry and key-points, hidden parts too.
     dropped
         Pixels of the given mask that gave no point, by reason: ``no reading``, ``edge``, ``other layer``, ``outlier``.
     keypoints
@@ -91,6 +93,7 @@ class BerryObservation:
     depth: NDArray[np.float32]
     mask: NDArray[np.bool_]
     cloud: NDArray[np.float64]
+    box: NDArray[np.float64]
     dropped: dict[str, int] = field(default_factory=dict)
     keypoints: NDArray[np.float64] = field(default_factory=lambda: np.full((len(KEYPOINTS), 2), np.nan))
     visibility: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(KEYPOINTS), np.int64))
@@ -138,6 +141,15 @@ class BerryObservation:
         The outline is the ball's rim as the camera sees it, nearer than the middle: R = D cos α · tan α.
         """
         return self.distance * math.sqrt(1.0 - self._sine**2)
+
+    @cached_property
+    def pixel_area(self) -> float:
+        """Square metres that one pixel shows at the berry, across the line of sight to it.
+
+        Far from the image's middle a pixel looks at the berry aslant and from farther away: less of it is in the pixel.
+        """
+        slant = float(self.outline.R_view_camera[2, 2])
+        return self.scale**2 * slant**3 / (self.camera.fx * self.camera.fy)
 
     @property
     def _sine(self) -> float:
@@ -194,9 +206,9 @@ def _observe_one(frame: Frame, berries: Strawberries, index: int) -> BerryObserv
     before = median(points[:, 2]) - _DEPTH_NOISE
     near = near_something_nearer(depth, own, before)
     contour, covered = trace_contour(own, near)
-    keypoints, visibility = _keypoints(berries, index)
     inner = _box(own, margin=0)
     outer = (_shifted(inner[0], window[0].start), _shifted(inner[1], window[1].start))
+    keypoints, visibility = _keypoints(berries, index)
     observation = BerryObservation(
         camera=camera,
         window=outer,
@@ -204,6 +216,7 @@ def _observe_one(frame: Frame, berries: Strawberries, index: int) -> BerryObserv
         depth=depth[inner],
         mask=own[inner],
         cloud=points,
+        box=berries.boxes[index],
         dropped=dropped,
         keypoints=keypoints,
         visibility=visibility,

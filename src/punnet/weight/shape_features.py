@@ -167,8 +167,6 @@ def _metric(
     turned = math.pi * profile.length * _MILLILITRES
     revolution = turned * float(np.mean((high - low) ** 2)) / 4.0
     pixels = int(np.count_nonzero(berry.mask))
-    # A pixel far from the image's middle is farther away and looks at the berry aslant: less of it is in the pixel.
-    slant = float(berry.outline.R_view_camera[2, 2])
     return {
         "length_m": profile.length,
         "width_m": profile.width,
@@ -176,7 +174,7 @@ def _metric(
         "seen_width_m": float(np.ptp(profile.seen[:, 1])),
         "keypoint_length_m": _or(profile.keypoint_length, profile.length),
         "keypoint_width_m": _or(profile.keypoint_width, profile.width),
-        "visible_area_m2": pixels * berry.scale**2 * slant**3 / (berry.camera.fx * berry.camera.fy),
+        "visible_area_m2": pixels * berry.pixel_area,
         "outline_area_m2": _area(profile.completed),
         "revolution_ml": revolution,
         "seen_revolution_ml": turned * float(np.mean((seen_high - seen_low) ** 2)) / 4.0,

@@ -28,7 +28,8 @@ def dome(
     rgb = np.full((*mask.shape, 3), 40, np.uint8)
     rgb[mask] = (200, 30, 40)
     window = (slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1))
-    return BerryObservation(CAMERA, window, rgb, depth, mask, cloud)
+    box = np.array((window[1].start, window[0].start, window[1].stop, window[0].stop), dtype=np.float64)
+    return BerryObservation(CAMERA, window, rgb, depth, mask, cloud, box)
 
 
 def domes(count: int, seed: int = 0) -> WeightSamples:

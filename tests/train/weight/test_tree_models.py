@@ -18,6 +18,7 @@ from punnet.train.weight.forest import FOREST, FOREST_PCA, ForestPcaConfig, Plai
 from punnet.train.weight.registry import MODELS, ModelSpec, model_spec
 from punnet.train.weight.shape import SHAPE, ShapeConfig
 from punnet.weight.metrics import weight_errors
+from punnet.weight.samples import join_samples
 from tests.train.weight.domes import domes
 
 TRAIN, VALIDATION, TEST = domes(110, 1), domes(20, 2), domes(30, 3)
@@ -61,6 +62,24 @@ def test_intervals_hold_the_truth(fitted: dict[str, FeatureModel], name: str) ->
     assert (estimates.grams < high).all()
     assert ((low <= TEST.grams) & (TEST.grams <= high)).mean() >= 0.7
     assert estimates.coverage == 0.9
+
+
+def test_detected_berries_are_calibrated_apart(tmp_path: Path) -> None:
+    wrong = np.random.default_rng(5).normal(1.0, 0.15, (len(TRAIN), 4))
+    found = tuple(
+        replace(berry, score=0.9, box=berry.box * side)
+        for berry, side in zip(TRAIN.observations, wrong, strict=True)
+    )
+    grams = TRAIN.grams * np.random.default_rng(6).normal(1.0, 0.1, len(TRAIN))
+    both = join_samples([TRAIN, replace(TRAIN, observations=found, grams=grams)])
+    spec, config = SMALL["shape"]
+    model = spec.fit(both, VALIDATION, config, seed=0, progress=str, folder=tmp_path)
+    assert isinstance(model, FeatureModel)
+    seen = replace(TEST.observations[0], score=0.9)
+    estimates = model.weigh([TEST.observations[0], seen])
+    annotated, detected = np.diff(np.log(estimates.intervals), axis=1)[:, 0]
+    assert detected > 1.5 * annotated
+    assert model.settings.detected is not None
 
 
 @pytest.mark.parametrize("name", SMALL)

@@ -50,10 +50,8 @@ class FeatureModel:
 
     def weigh(self, observations: Sequence[BerryObservation]) -> WeightEstimates:
         """Grams with intervals, as the bundle will say them."""
-        grams, spread = self._run(observations)
-        interval = self.settings.interval
-        bounds = [grams * np.exp(side * spread) for side in (interval.low, interval.high)]
-        return gather_estimates(list(zip(grams.tolist(), *bounds, strict=True)), interval.coverage)
+        told = zip(observations, *(values.tolist() for values in self._run(observations)), strict=True)
+        return gather_estimates([self.settings.answer(*one) for one in told], self.settings.interval.coverage)
 
     def save(self, folder: Path) -> None:
         """Write ``model.onnx`` and ``weight.json``."""

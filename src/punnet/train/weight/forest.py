@@ -54,7 +54,7 @@ class ForestConfig:
 
     groups: tuple[str, ...]
     trees: int = 200
-    least_leaf: tuple[int, ...] = (1, 2, 4)
+    least_leaf: tuple[int, ...] = (2, 4)
     feature_share: tuple[float, ...] = (0.5, 0.8, 1.0)
     folds: int = 5
 

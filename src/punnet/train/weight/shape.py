@@ -134,11 +134,14 @@ def fit(
     expected = predict_out_of_fold(
         partial(_spread_trees, config, seed), everything, size, groups, folds=config.folds, seed=seed
     )
-    interval = conformal_quantiles(residuals, np.exp(expected), COVERAGE)
-    for name, source in _sources(everything, config.groups).items():
-        scores = residuals[source] / np.exp(expected[source])
-        held = 100.0 * float(np.mean((interval.low <= scores) & (scores <= interval.high)))
-        progress(f"shape: intervals hold {held:.1f}% of {source.sum()} {name} berries of plants left out")
+    # Annotated berries and detected ones each have their own quantiles: together, the first would hold too many.
+    sources = _sources(everything, config.groups)
+    intervals = {
+        name: conformal_quantiles(residuals[source], np.exp(expected[source]), COVERAGE)
+        for name, source in sources.items()
+    }
+    for name, source in sources.items():
+        progress(f"shape: {source.sum()} {name} berries of plants left out make {intervals[name]}")
     progress("shape: trees and networks on all that is not set aside for the test")
     both = _Both(config, leaves, seed).fit(everything, wanted)
     spread = _spread_trees(config, seed).fit(everything, size)
@@ -150,7 +153,8 @@ def fit(
         beside=both.networks,
     )
     chosen = {"leaves": leaves, "trees": config.trees, "members": config.members, "validation_mape": best}
-    settings = WeightSettings("shape", config.groups, interval)
+    first = next(iter(intervals.values()))
+    settings = WeightSettings("shape", config.groups, first, intervals.get("detected"))
     return FeatureModel(graph, settings, chosen)
 
 
@@ -222,7 +226,7 @@ def _sources(features: NDArray[np.float32], groups: tuple[str, ...]) -> dict[str
     """Which berries were annotated and which detected, as far as there are such and the features tell."""
     names = feature_names(groups)
     if "annotated" not in names:
-        return {}
+        return {"all": np.ones(len(features), dtype=np.bool_)}
     annotated = features[:, names.index("annotated")] > 0
     found = {"annotated": annotated, "detected": ~annotated}
     return {name: chosen for name, chosen in found.items() if chosen.any()}
