@@ -33,8 +33,8 @@ DEFAULT_BUNDLE = "reach-sim"
 SAME_PLACE, SAME_DIRECTION = 0.02, np.deg2rad(3.0)
 """Metres and radians within which a camera stands where the photographs that were learnt from were taken."""
 LIMIT_MARGIN = 0.01  # radians: demonstrations by hand may begin beyond a limit
-BERRY_RADIUS, BELOW_GRIP = 0.015, 0.03
-"""Metres: of a usual berry, and from the grip point on its stem down to its middle."""
+BELOW_GRIP = 0.03
+"""Metres from the grip point on a usual berry's stem down to its middle."""
 
 
 @dataclass(eq=False)
@@ -128,7 +128,8 @@ class DeepProMPPlanner:
             box, light = self._box_from_home(target), UNKNOWN
             picture: NDArray[np.uint8] = np.zeros((SIDE, SIDE, 3), dtype=np.uint8)
         else:
-            box, light = _box_inside(frame, target), berry_light(frame.rgb, target.box)
+            box = _box_inside(frame, target)
+            light = berry_light(frame.rgb, target.box) if self.model.needs_light else UNKNOWN
             picture = (
                 target_picture(frame.rgb, target.box, SIDE)
                 if self.model.needs_picture
@@ -166,7 +167,7 @@ class DeepProMPPlanner:
         return bool(np.linalg.norm(away[:3, 3]) > SAME_PLACE or turn > SAME_DIRECTION)
 
     def _box_from_home(self, target: Target) -> Array:
-        """Box (4,) around where the picking point would be seen from the demonstrations' start: a berry below it."""
+        """Box (4,) of no size where a berry below the picking point would be seen from the demonstrations' start."""
         if self.model.needs_picture or target.picking_point is None:
             raise PlanningError(
                 f"{self.name}: the photograph was not taken from where the demonstrations start; look from there"
@@ -179,9 +180,8 @@ class DeepProMPPlanner:
                 f"{self.name}: berry {target.berry_id} is behind where the demonstrations start"
             )
         u, v = camera.fx * local[0] / local[2] + camera.cx, camera.fy * local[1] / local[2] + camera.cy
-        half = camera.fx * BERRY_RADIUS / local[2]
         middle = v + camera.fy * BELOW_GRIP / local[2]
-        box = np.array([u - half, middle - half, u + half, middle + half])
+        box = np.array([u, middle, u, middle])
         return np.asarray(box / [camera.width, camera.height, camera.width, camera.height])
 
 

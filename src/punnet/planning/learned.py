@@ -183,6 +183,11 @@ class MovementModel:
         """Whether it looks at the picture, or at the box and how the berry is lit alone."""
         return PICTURE in self._inputs
 
+    @property
+    def needs_light(self) -> bool:
+        """Whether it looks at how the berry is lit."""
+        return LIGHT in self._inputs
+
     def predict(self, reaches: Reaches) -> Movements:
         """(P) movements, one a photograph."""
         found = [

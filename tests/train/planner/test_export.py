@@ -47,9 +47,12 @@ def test_fulls_graph_gives_what_full_gives(reach_demonstrations, tmp_path: Path)
 def test_fulls_graph_looks_at_the_light_where_it_is_known(reach_demonstrations, tmp_path: Path) -> None:
     reaches = reaches_from(reach_demonstrations)
     far = reaches.pose.mean @ reaches.basis.phi([1.0])[0]
+    centres = reaches.centres
+    reaches = replace(reaches, boxes=np.column_stack((centres - 0.05, centres + 0.05)))
     lit = replace(reaches, lights=1.0 - 5.0 * far[reaches.targets, 0])  # tells how far away the berry is
     fitted = fit_full(FullConfig(), lit)
-    assert fitted.by_light is not None
+    assert fitted.closer is not None
+    assert "light" in fitted.closer.cues
     assert fitted.left_out["position_m"] < 0.8 * fit_full(FullConfig(), reaches).left_out["position_m"]
     export_planner(fitted, tmp_path / "f.onnx")
     model = MovementModel(tmp_path / "f.onnx", "f", "task", reaches.basis)

@@ -18,6 +18,11 @@ def reaches(reach_demonstrations) -> Reaches:
     return reaches_from(reach_demonstrations)
 
 
+def of_one_size(reaches: Reaches) -> np.ndarray:
+    """Boxes that tell their centres alone, as the real ones do."""
+    return np.column_stack((reaches.centres - 0.05, reaches.centres + 0.05))
+
+
 def ends(reaches: Reaches, mean: np.ndarray) -> np.ndarray:
     return mean @ reaches.basis.phi([1.0])[0]
 
@@ -49,12 +54,25 @@ def test_the_whole_movement_is_one_that_was_demonstrated(reaches: Reaches) -> No
 
 def test_what_the_picture_does_not_tell_is_said_by_the_variance(reaches: Reaches) -> None:
     """Along x, away from the camera, the box's centre tells least."""
-    reaches = replace(reaches, lights=np.full(len(reaches), np.nan))
+    reaches = replace(reaches, boxes=of_one_size(reaches), lights=np.full(len(reaches), np.nan))
     fitted = fit_full(FullConfig(), reaches)
     found = fitted.predict(reaches)
     last = np.kron(np.eye(7), reaches.basis.phi([1.0]))
     variance = np.einsum("ki,nij,kj->nk", last, found.covariance, last)
     assert (variance[:, 0] > variance[:, 1]).all()
+
+
+def test_the_size_of_boxes_tells_how_far_away_a_berry_is(reaches: Reaches) -> None:
+    """Simulated boxes are tight; one that is a point is told of by its centre."""
+    fitted = fit_full(FullConfig(), reaches)
+    assert fitted.closer is not None
+    assert "size" in fitted.closer.cues
+    blind = fit_full(FullConfig(), replace(reaches, boxes=of_one_size(reaches)))
+    assert fitted.left_out["position_m"] < 0.9 * blind.left_out["position_m"]
+    points = replace(reaches, boxes=np.tile(reaches.centres, 2))
+    alone = fitted.predict(replace(points, lights=np.full(len(points), np.nan)))
+    np.testing.assert_allclose(fitted.predict(points).mean, alone.mean)
+    assert np.abs(ends(reaches, alone.mean - fitted.predict(reaches).mean)[:, 0]).max() > 0.005
 
 
 def test_labels_that_were_swapped_do_little_harm(reaches: Reaches) -> None:
@@ -91,7 +109,8 @@ def test_real_reaches_leaving_one_scene_out(shared_data) -> None:
     for fold in np.unique(folds):
         unseen = reaches.subset(np.flatnonzero(folds == fold))
         fitted = fit_full(FullConfig(), reaches.subset(np.flatnonzero(folds != fold)))
-        assert fitted.by_light is not None
+        assert fitted.closer is not None
+        assert fitted.closer.cues == ("light",)
         parts.append(reach_errors(fitted.predict(unseen), unseen, "task"))
     found = join_errors(parts).summary()
     assert found["position_m"] < 0.040

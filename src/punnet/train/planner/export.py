@@ -68,15 +68,16 @@ class _EndGraph(nn.Module):
 
 
 class _FullGraph(nn.Module):
-    """Box, and light if it is looked at, to mean (N, 7, B) and factor (N, 7·B, R): :meth:`FullPrediction.predict`."""
+    """Box, and light if that is looked at, to mean (N, 7, B) and factor (N, 7·B, R): :meth:`FullPrediction.predict`."""
 
     rest: Tensor
 
     def __init__(self, fitted: FullPrediction) -> None:
         super().__init__()
         self.functions = fitted.functions
-        self.by_box = _EndGraph(fitted, fitted.by_box)
-        self.by_light = None if fitted.by_light is None else _EndGraph(fitted, fitted.by_light)
+        self.by_centre = _EndGraph(fitted, fitted.by_centre)
+        self.closer = None if fitted.closer is None else _EndGraph(fitted, fitted.closer)
+        self.cues = () if fitted.closer is None else fitted.closer.cues
         self.register_buffer("rest", torch.from_numpy(np.ascontiguousarray(fitted.rest)))
 
     def forward(self, box: Tensor, light: Tensor | None = None) -> tuple[Tensor, Tensor]:
@@ -84,13 +85,19 @@ class _FullGraph(nn.Module):
         u = (values[:, 0] + values[:, 2]) / 2.0 - 0.5
         v = (values[:, 1] + values[:, 3]) / 2.0 - 0.5
         features = torch.stack((u, v, u * u, u * v, v * v), dim=1)
-        mean, doubt = self.by_box(features)
-        if self.by_light is not None and light is not None:
-            known = torch.isfinite(light)
-            filled = torch.where(known, light.double(), torch.zeros_like(u))
-            lit, lit_doubt = self.by_light(torch.cat((features, filled[:, None]), dim=1))
-            mean = torch.where(known[:, None], lit, mean)
-            doubt = torch.where(known[:, None, None], lit_doubt, doubt)
+        mean, doubt = self.by_centre(features)
+        if self.closer is not None:
+            more = []
+            if "size" in self.cues:
+                more.append(values[:, 2:] - values[:, :2])
+            if light is not None:
+                more.append(light.double().exp()[:, None])
+            cues = torch.cat(more, dim=1)
+            known = (cues > 0.0).all(dim=1)  # NaN is not
+            told = torch.where(known[:, None], cues, torch.ones_like(cues)).log()
+            close, close_doubt = self.closer(torch.cat((features, told), dim=1))
+            mean = torch.where(known[:, None], close, mean)
+            doubt = torch.where(known[:, None, None], close_doubt, doubt)
         rest = self.rest.unsqueeze(0) + 0.0 * doubt[:, :1, :1]
         return mean.reshape(-1, DEGREES, self.functions), torch.cat((rest, doubt), dim=2)
 
@@ -119,7 +126,7 @@ def export_planner(prediction: DeepPrediction | FullPrediction, path: Path) -> N
         names = ["picture", "box"]
     else:
         graph, example, names = _FullGraph(prediction), (box,), ["box"]
-        if prediction.by_light is not None:
+        if prediction.closer is not None and "light" in prediction.closer.cues:
             example, names = (box, torch.tensor([0.0, float("nan")])), ["box", "light"]
     with warnings.catch_warnings(), torch.no_grad():
         warnings.simplefilter("ignore")  # of the tracer's, which can't know that the batch stays open

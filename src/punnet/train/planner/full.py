@@ -1,9 +1,10 @@
 """Ours, ``full``: where the reach ends is told from the target's box, and the demonstrated movement is conditioned on it.
 
 1. The end e (7 numbers: the flange's position and quaternion, or the joints) is regressed robustly on the degree-2
-   polynomial of the box's centre (:mod:`punnet.train.planner.regression`) and, where that helps on groups left out, on how
-   brightly the berry is lit (:mod:`punnet.planning.berry_light`). Its uncertainty, over all degrees of freedom at
-   once, is that of groups left out (:mod:`punnet.train.planner.calibration`).
+   polynomial of the box's centre (:mod:`punnet.train.planner.regression`) and, where that helps on groups left out, on the
+   box's size and on how brightly the berry is lit (:mod:`punnet.planning.berry_light`), which tell how far away it
+   is. Its uncertainty, over all degrees of freedom at once, is that of groups left out
+   (:mod:`punnet.train.planner.calibration`).
 2. All demonstrated movements make one Gaussian N(m, S) over the weights. With H the basis at the end, its conditional on an
    end ~ N(e, V) is N(m + K (e − H m), (I − K H) S (I − K H)ᵀ + K V Kᵀ) with K = S Hᵀ (H S Hᵀ)⁻¹: Eq. 5.8 with
    a via-point that is itself uncertain.
@@ -14,7 +15,7 @@ It earns its place on few real demonstrations, where networks that see the whole
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,11 +37,17 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
+Cue = Literal["size", "light"]
 FOLDS = 8
 """Most folds that groups are left out in to choose penalties and to see how far off ends are."""
 LEAST_TARGETS = 6
+LOOKS: tuple[tuple[Cue, ...], ...] = (("size",), ("light",), ("size", "light"))
+"""What may be looked at beside the box's centre."""
 HELPFUL = 0.97
-"""Share of the error on groups left out that the light has to take it down to, to be looked at."""
+"""Share of the error on groups left out that they have to take it down to, to be looked at."""
+CENTRE = 5  # numbers of a box's centre
+ALL_ALIKE = 1e-3
+"""Standard deviation of a cue that does not differ between targets, rounding apart."""
 RIDGE = 1e-9
 
 
@@ -87,10 +94,13 @@ class EndModel:
         Features to the end (7,).
     doubt
         (7·B, 7) root of K V Kᵀ, V how far off ends are on unseen groups.
+    cues
+        Beside the polynomial of the box's centre.
     """
 
     regression: Regression
     doubt: Array
+    cues: tuple[Cue, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,10 +111,10 @@ class FullPrediction:
     ----------
     config
         How.
-    by_box
-        Of the polynomial of the box's centre.
-    by_light
-        Of that and how brightly the berry is lit, for photographs where that is known; None if it does not help.
+    by_centre
+        Of the box's centre alone.
+    closer
+        What looks at more, for photographs where that is known; None if it does not help.
     gain
         (7·B, 7): K.
     middle
@@ -119,8 +129,8 @@ class FullPrediction:
     """
 
     config: FullConfig
-    by_box: EndModel
-    by_light: EndModel | None
+    by_centre: EndModel
+    closer: EndModel | None
     gain: Array
     middle: Array
     rest: Array
@@ -139,11 +149,11 @@ class FullPrediction:
 
     def predict(self, reaches: Reaches) -> Movements:
         """(P) movements, one a photograph."""
-        mean, covariance = self._told(self.by_box, _polynomial(reaches.centres))
-        lit = np.isfinite(reaches.lights)
-        if self.by_light is not None and lit.any():
-            features = _with_light(reaches.centres[lit], reaches.lights[lit])
-            mean[lit], covariance[lit] = self._told(self.by_light, features)
+        mean, covariance = self._told(self.by_centre, _features((), reaches.boxes, reaches.lights))
+        if self.closer is not None:
+            features = _features(self.closer.cues, reaches.boxes, reaches.lights)
+            known = np.isfinite(features).all(axis=1)
+            mean[known], covariance[known] = self._told(self.closer, features[known])
         return Movements(mean.reshape(len(mean), DEGREES, self.functions), covariance)
 
     def _told(self, ends: EndModel, features: Array) -> tuple[Array, Array]:
@@ -173,9 +183,12 @@ def fit_full(config: FullConfig, reaches: Reaches) -> FullPrediction:
     within = H @ movements.covariance.mean(axis=0) @ H.T
     place = places(config.space, reaches)
     counted = None if config.space == "task" else place
-    centres, lights = _centres(target_boxes(reaches)), _target_lights(reaches)
+    boxes, lights = target_boxes(reaches), _target_lights(reaches)
 
-    def fitted(features: Array) -> tuple[EndModel, LeftOut]:
+    def fitted(cues: tuple[Cue, ...]) -> tuple[EndModel, LeftOut] | None:
+        features = _features(cues, boxes, lights)
+        if not np.isfinite(features).all() or (cues and features[:, CENTRE:].std(axis=0).min() < ALL_ALIKE):
+            return None
         folds = fold_numbers(reaches.groups, FOLDS)
         unseen = min(
             (leave_folds_out(features, ends, folds, freedom, counted) for freedom in config.freedoms),
@@ -183,23 +196,23 @@ def fit_full(config: FullConfig, reaches: Reaches) -> FullPrediction:
         )
         regression = fit_robustly(features, ends, unseen.penalties, unseen.freedom, counted)
         doubt = doubt_of_ends(config.space, reaches, unseen, within)
-        return EndModel(regression, given.gain @ _root(doubt)), unseen
+        return EndModel(regression, given.gain @ _root(doubt), cues), unseen
 
-    by_box, unseen = fitted(_polynomial(centres))
-    by_light = None
-    if np.isfinite(lights).all():
-        lit, lit_unseen = fitted(_with_light(centres, lights))
-        if _how_far(place, lit_unseen) < HELPFUL * _how_far(place, unseen):
-            by_light, unseen = lit, lit_unseen
+    alone = fitted(())
+    assert alone is not None
+    best = min(
+        (alone, *(found for found in map(fitted, LOOKS) if found is not None)),
+        key=lambda found: _how_far(place, found[1]) * (HELPFUL if found is alone else 1.0),
+    )
     return FullPrediction(
         config,
-        by_box,
-        by_light,
+        alone[0],
+        None if best is alone else best[0],
         given.gain,
         given.middle,
         _root(given.rest),
         functions,
-        _left_out(config.space, ends, unseen.residuals),
+        _left_out(config.space, ends, best[1].residuals),
     )
 
 
@@ -268,19 +281,19 @@ def _target_lights(reaches: Reaches) -> Array:
     return np.asarray(total / np.maximum(count, 1))
 
 
-def _centres(boxes: Array) -> Array:
-    return np.asarray((boxes[:, :2] + boxes[:, 2:]) / 2.0)
+def _features(cues: tuple[Cue, ...], boxes: Array, lights: Array) -> Array:
+    """(N, 5 + …) u, v, u², uv, v² of the centres of boxes (N, 4), from the middle of the picture, then the cues.
 
-
-def _polynomial(centres: Array) -> Array:
-    """(N, 5) u, v, u², uv, v² of centres (N, 2), from the middle of the picture."""
-    u, v = (centres - 0.5).T
-    return np.stack((u, v, u * u, u * v, v * v), axis=1)
-
-
-def _with_light(centres: Array, lights: Array) -> Array:
-    """(N, 6) the polynomial and the light."""
-    return np.column_stack((_polynomial(centres), lights))
+    The size is the logarithm of width and height; of a box that is a point it is not known: not a finite number.
+    """
+    u, v = ((boxes[:, :2] + boxes[:, 2:]) / 2.0 - 0.5).T
+    columns = [u, v, u * u, u * v, v * v]
+    if "size" in cues:
+        size = boxes[:, 2:] - boxes[:, :2]
+        columns += list(np.log(np.where(size > 0.0, size, np.nan)).T)
+    if "light" in cues:
+        columns.append(lights)
+    return np.stack(columns, axis=1)
 
 
 def _root(covariance: Array) -> Array:
