@@ -157,7 +157,7 @@ def main() -> None:
             f"{sight.title}: {len(berry.cloud)} points, {layers} layers {1000 * step:.1f} mm apart, holes {holes:.1%}, "
             f"{berry.distance:.3f} m, dropped {berry.dropped}"
         )
-        for name in ("ellipsoid", None):
+        for name in ("ellipsoid", "weight-shape", "weight-forest"):
             estimator = load_weight_estimator(name)
             estimates = estimator.estimate(sight.frame, sight.berries)
             low, high = estimates.intervals[0]
