@@ -81,6 +81,17 @@ def test_an_ellipsoid_is_measured() -> None:
     assert found["box_area_m2"] == pytest.approx(4 * HALF[0] * HALF[1], rel=0.08)
 
 
+def test_a_box_that_lies_elsewhere_does_not_count() -> None:
+    berry = _berry()
+    rows, columns = berry.window
+    own = np.array((columns.start, rows.start, columns.stop, rows.stop), dtype=np.float64)
+    tight = _named(replace(berry, box=own))["box_area_m2"]
+    for box in (np.zeros(4), own + 300.0):
+        assert _named(replace(berry, box=box))["box_area_m2"] == pytest.approx(tight)
+    twice = own + np.array((0.0, 0.0, 0.0, rows.stop - rows.start))
+    assert _named(replace(berry, box=twice))["box_area_m2"] == pytest.approx(2.0 * tight)
+
+
 def test_a_berry_cut_by_the_border_is_said_to_be() -> None:
     found = _named(_berry((-0.205, 0.0, 0.4), HALF, keypoints=False))
     assert found["cut"] > 0.2

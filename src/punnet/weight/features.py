@@ -123,10 +123,12 @@ def _row(berry: BerryObservation, groups: Sequence[str]) -> dict[str, float]:
 
 
 def _box_pixels(berry: BerryObservation) -> float:
-    """Of the box, which holds all of the mask whatever was given."""
+    """Pixels of the box together with the mask's own; of the latter alone if the box lies elsewhere."""
     rows, columns = berry.window
-    width = max(berry.box[2], columns.stop) - min(berry.box[0], columns.start)
-    return float(width * (max(berry.box[3], rows.stop) - min(berry.box[1], rows.start)))
+    shown = np.array((columns.start, rows.start, columns.stop, rows.stop), dtype=np.float64)
+    middle = (shown[:2] + shown[2:]) / 2.0
+    box = berry.box if (berry.box[:2] < middle).all() and (middle < berry.box[2:]).all() else shown
+    return float(np.prod(np.maximum(box, shown)[2:] - np.minimum(box, shown)[:2]))
 
 
 def _histogram(berry: BerryObservation) -> dict[str, float]:
