@@ -8,6 +8,7 @@ from ruckig import InputParameter, Ruckig, Trajectory
 
 from punnet.errors import ConfigurationError, KinematicsError, ShapeError
 from punnet.movement import JointLimits, retime
+from punnet.movement.retiming import _one_axis, _states
 
 LIMITS = JointLimits(
     lower=np.array([-2.9, -1.7, -2.9]),
@@ -155,3 +156,11 @@ def test_a_movement_that_dawdles_before_it_turns_is_not_all_slow():
     dawdling, straight = retime(path, LIMITS, speed=0.5), retime(path[[0, -1]], LIMITS, speed=0.5)
     assert_within_limits(dawdling, LIMITS.slowed(0.5))
     assert dawdling.duration < 2.0 * straight.duration
+
+
+@pytest.mark.parametrize("length", [0.01, 1.3, 5.0])
+def test_a_profile_is_sampled_as_its_own_author_does(length):
+    profile = _one_axis(length, 0.8, 1.1, 5.0)
+    clock = np.linspace(0.0, profile.duration, 200)
+    theirs = np.array([[values[0] for values in profile.at_time(time)] for time in clock])
+    np.testing.assert_allclose(np.stack(_states(profile, clock), axis=1), theirs, atol=1e-12)

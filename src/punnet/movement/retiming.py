@@ -156,8 +156,13 @@ def retime(
         ),
         key=lambda candidate: min(profile.duration for profile in candidate[1]),
     )
-    timed = (_timed(spline, profile, allowed, time_step, at_least) for profile in profiles)
-    return min(timed, key=lambda trajectory: trajectory.duration)
+    best: JointTrajectory | None = None
+    for profile in sorted(profiles, key=lambda profile: profile.duration):
+        before = None if best is None else len(best.times) - 1
+        timed = _timed(spline, profile, allowed, time_step, at_least, before)
+        best = best if timed is None else timed
+    assert best is not None  # without a number of steps to stay below, the first is timed
+    return best
 
 
 def _validated_path(path: ArrayLike, limits: JointLimits) -> NDArray[np.float64]:
@@ -245,19 +250,25 @@ def _one_axis(length: float, velocity: float, acceleration: float, jerk: float) 
 
 
 def _timed(
-    spline: BSpline, profile: RuckigTrajectory, limits: JointLimits, time_step: float, at_least: float
-) -> JointTrajectory:
-    """Sample the spline along the profile, in the fewest time steps that hold the limits."""
+    spline: BSpline,
+    profile: RuckigTrajectory,
+    limits: JointLimits,
+    time_step: float,
+    at_least: float,
+    before: int | None,
+) -> JointTrajectory | None:
+    """Sample the spline along the profile, in the fewest time steps that hold the limits; None if not below ``before``."""
     least = max(MINIMUM_STEPS, int(np.ceil(at_least / time_step - 1e-9)))
     count = max(least, int(np.ceil(profile.duration / time_step)))
     excess = _excess(_sampled(spline, profile, count, time_step, limits), limits)
     count = max(least, int(np.ceil(count * excess)))
-    while True:
+    while before is None or count < before:
         trajectory = _sampled(spline, profile, count, time_step, limits)
         excess = _excess(trajectory, limits)
         if excess <= 1.0:
             return trajectory
         count = max(count + 1, int(np.ceil(count * excess)))
+    return None
 
 
 def _sampled(
@@ -266,11 +277,11 @@ def _sampled(
     """``count`` steps along the profile, stretched from its own duration to ``count · time_step``."""
     stretch = count * time_step / profile.duration
     clock = np.linspace(0.0, profile.duration, count + 1)
-    states = np.array([[values[0] for values in profile.at_time(time)] for time in clock[1:-1]])
-    x, rate, change = np.vstack(([0.0, 0.0, 0.0], states, [spline.t[-1], 0.0, 0.0])).T[:, :, None]
-    rate = rate / stretch
-    change = change / stretch**2
-    x = np.clip(x[:, 0], 0.0, spline.t[-1])
+    x, rate, change = _states(profile, clock)
+    x[-1] = spline.t[-1]
+    rate[[0, -1]] = change[[0, -1]] = 0.0
+    rate, change = rate[:, None] / stretch, change[:, None] / stretch**2
+    x = np.clip(x, 0.0, spline.t[-1])
     first, second = spline(x, nu=1), spline(x, nu=2)
     return JointTrajectory(
         np.arange(count + 1, dtype=np.float64) * time_step,
@@ -279,6 +290,18 @@ def _sampled(
         second * rate**2 + first * change,
         limits.joint_names,
     )
+
+
+def _states(
+    profile: RuckigTrajectory, clock: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Position, velocity and acceleration (N,) of a profile of one axis at N times: what its ``at_time`` gives, at once."""
+    phases = profile.profiles[0][0]
+    begins = np.concatenate(([0.0], np.cumsum(phases.t)))[:-1]
+    phase = np.searchsorted(begins, clock, side="right") - 1
+    j, a, v, p = (np.asarray(values)[phase] for values in (phases.j, phases.a, phases.v, phases.p))
+    t = clock - begins[phase]
+    return p + t * (v + t * (a / 2.0 + t * j / 6.0)), v + t * (a + t * j / 2.0), a + t * j
 
 
 def _excess(trajectory: JointTrajectory, limits: JointLimits) -> float:
