@@ -17,6 +17,7 @@ from punnet.scene import KEYPOINTS, Frame, Strawberries, Target, Visibility
 __all__ = ["Check", "Order", "Plan"]
 
 _TOP = KEYPOINTS.index("top")
+_SURE, _LENIENT = 0.93, 0.05  # from which score a berry may be how much less ripe
 
 
 class Order:
@@ -81,8 +82,8 @@ class Order:
         """Rows in the order to pick them; from a second view only the berry that it was turned to."""
         rows = [int(row) for row in order_of(self._parts.config.order)(frame, berries)]
         rows = [row for row in rows if situation.memory.may_try(berries.picking_points[row])]
-        least = self._parts.config.least_ripeness or 0.0
-        rows = [row for row in rows if not berries.ripeness[row] < least]
+        least = (self._parts.config.least_ripeness or 0.0) - np.where(berries.scores >= _SURE, _LENIENT, 0.0)
+        rows = [row for row in rows if not berries.ripeness[row] < least[row]]
         place = situation.second_view_of
         if place is None:
             return rows

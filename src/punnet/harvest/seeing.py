@@ -98,7 +98,7 @@ class Perceive:
 
 
 class Weigh:
-    """Grams by eye; a berry that can't be weighed is picked all the same."""
+    """Grams by eye of what may be picked; a berry that can't be weighed is picked all the same."""
 
     phase = Phase.WEIGH
 
@@ -108,9 +108,13 @@ class Weigh:
     def do(self, situation: Situation) -> Phase | None:
         """Weigh what was found."""
         frame, berries = situation.seen
+        rows = np.flatnonzero(berries.pluckable)
+        weights, intervals = np.full(len(berries), np.nan), np.full((len(berries), 2), np.nan)
         try:
-            estimates = self._parts.scale.estimate(frame, berries)
-            berries = berries.with_fields(weights=estimates.grams, weight_intervals=estimates.intervals)
+            if len(rows):
+                estimates = self._parts.scale.estimate(frame, berries[rows])
+                weights[rows], intervals[rows] = estimates.grams, estimates.intervals
+            berries = berries.with_fields(weights=weights, weight_intervals=intervals)
         except Exception as error:  # a stranger's estimator may raise anything
             raise StepFailed(Failure.SCALE_FAULT, f"{type(error).__name__}: {error}") from error
         situation.berries = berries
