@@ -278,13 +278,39 @@ def test_from_the_sides_it_finds_what_home_does_not_show(session):
     )  # once for the berry, and two that find no more
 
 
-def test_what_is_not_ripe_enough_is_left(session):
+def test_carrying_is_broken_off_when_a_neighbour_is_dragged_along(session):
+    robot, limited = session.robot, []
+    follow = robot.follow
+
+    def dragging(trajectory, force_limit=None):
+        limited.extend([trajectory] if force_limit is not None else [])
+        if force_limit is not None and len(limited) == 2:  # the reach is the first
+            robot._joints = trajectory.positions[len(trajectory.positions) // 2]
+            return MotionResult(False, "pushed a fruit: with 9.0 N")
+        return follow(trajectory, force_limit)
+
+    robot.follow = dragging
+    run = session.run()
+    first = run.attempts[0]
+    assert (first.failure, first.carried) == (Failure.LOST, "pushed a fruit: with 9.0 N")
+    assert run.stopped is None  # the arm is home, and goes on with the next
+    assert len(run.picked) == 1
+
+
+@pytest.mark.parametrize(
+    ("ripeness", "score", "left"),
+    [(0.7, 1.0, {1}), (0.85, 0.9, {1}), (0.85, 0.95, set())],
+    ids=["unripe", "nearly ripe and unsure", "nearly ripe and sure"],
+)
+def test_what_is_not_ripe_enough_is_left(session, ripeness, score, left):
     robot = session.robot
-    robot.berries = robot.berries.with_fields(ripeness=np.array([0.95, 0.7]))
+    robot.berries = robot.berries.with_fields(
+        ripeness=np.array([0.95, ripeness]), scores=np.array([0.7, score])
+    )
     exchanged(session, config=replace(session.harvester.config, least_ripeness=0.9))
     run = session.run()
-    assert [attempt.row for attempt in run.attempts] == [0]
-    assert robot.hanging == {1}
+    assert len(run.picked) == 2 - len(left)
+    assert robot.hanging == left
 
 
 def test_what_two_looks_differ_by_noise_moves_nothing(session):

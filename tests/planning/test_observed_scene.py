@@ -66,7 +66,7 @@ def seen(neighbour=(0.0, 0.06, -0.02), located=True, slabs=(), ripe=False):
 @pytest.mark.parametrize("located", [True, False])
 def test_a_neighbour_is_where_it_hangs_and_as_big_as_it_is(located):
     middle, scene = seen(located=located)
-    assert len(scene.fruit) == len(scene.stems) == 1
+    assert (len(scene.fruit), len(scene.stems)) == (1, 2)
     centre = (scene.fruit.starts[0] + scene.fruit.ends[0]) / 2.0 + scene.origin
     np.testing.assert_allclose(centre, middle, atol=0.006)
     assert scene.fruit.radii[0] == pytest.approx(0.016, abs=0.002)
@@ -81,7 +81,9 @@ def test_a_stem_hangs_above_its_calyx():
     middle, scene = seen()
     root, end = scene.stems.starts[0] + scene.origin, scene.stems.ends[0] + scene.origin
     np.testing.assert_allclose(root, middle + np.array([0.0, 0.0, 0.016]), atol=0.005)
-    np.testing.assert_allclose(end - root, (0.0, 0.0, STEM_LENGTH), atol=1e-9)
+    np.testing.assert_allclose(scene.stems.starts[1] + scene.origin, end)
+    np.testing.assert_allclose(scene.stems.ends[1] + scene.origin - root, (0.0, 0.0, STEM_LENGTH), atol=1e-9)
+    assert scene.stems.radii[1] > 2.0 * scene.stems.radii[0]  # higher up nobody knows so well where it is
 
 
 def test_the_target_itself_and_what_is_far_away_do_not_count():

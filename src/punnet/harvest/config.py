@@ -34,15 +34,15 @@ class HarvestConfig:
     side_views
         Views of the plant from its sides, 0 to 3, when from home no berry is left that may be tried.
     least_ripeness
-        Of a berry that is picked, 0 to 1, whatever class the detector gives it; one of unknown ripeness is picked. Every
-        detector has its own scale. None: the class alone counts.
+        Of a berry that is picked, 0 to 1, whatever class the detector gives it; 0.05 less where its score says that it is
+        sure, and one of unknown ripeness is picked. Every detector has its own scale. None: the class alone counts.
     most_looks
         Looks after which the loop ends whatever it sees; a guard against endless loops.
     look_on_the_way
         Metres before the end of a reach at which the berry is looked at once more; nearer than 0.2 m the camera, which sits
         above the tool, does not see the fruit. 0: not at all.
     reach_force
-        Newtons of the tool on a fruit at which a reach is broken off; None: never.
+        Newtons of the tool on a fruit at which a reach, or carrying what was picked, is broken off; None: never.
     most_attempts
         Attempts after which the harvest ends; None: when no berry is left.
     opening

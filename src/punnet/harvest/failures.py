@@ -35,6 +35,7 @@ class Failure(Enum):
     NOT_LOCATED = ("no depth", Recovery.SECOND_VIEW)
     OUT_OF_REACH = ("out of reach", Recovery.SET_ASIDE)
     NO_APPROACH = ("no straight approach", Recovery.SECOND_VIEW)
+    NOT_FREE = ("no free approach", Recovery.SECOND_VIEW)
     PLANNER_FAULT = ("the planner failed", Recovery.SECOND_VIEW)
     PLAN_NOT_FINITE = ("the plan is not finite", Recovery.SECOND_VIEW)
     NO_KINEMATICS = ("the arm can't follow", Recovery.OTHER_SIDE)

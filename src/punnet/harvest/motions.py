@@ -170,7 +170,11 @@ class Motions:
         return self.retreat()
 
     def carry(self, punnet: int, count: int) -> MotionResult:
-        """Take what hangs in the grip to the place of berry number ``count`` in a punnet, and lower it."""
+        """Take what hangs in the grip to the place of berry number ``count`` in a punnet, and lower it.
+
+        Broken off if a fruit is pushed: out of the plant, that is one whose stem the fingers drag along. What they hold
+        is lost by then; going on would tear at the plant.
+        """
         offset = slot_offset(count)
         layer = _LAYER_HEIGHT * (count // _BERRIES_A_LAYER)
         floor = self._punnets[punnet] + np.array([offset[0], offset[1], layer])
@@ -182,7 +186,8 @@ class Motions:
             for height in (_ABOVE_WALL, _RELEASE_HEIGHT)
         )
         over = self._over_punnet = nearest_solution(above, self._arm.home, arm=self._arm)
-        moved = self._through(np.stack((self._robot.joints(), self._arm.home, over)), self._config.speed)
+        path = np.stack((self._robot.joints(), self._arm.home, over))
+        moved = self._through(path, self._config.speed, self._config.reach_force)
         if not moved.reached:
             return moved
         down = nearest_solution(release, over, arm=self._arm)
@@ -195,7 +200,9 @@ class Motions:
             return MotionResult(True)
         return self._through(np.stack((self._robot.joints(), self._over_punnet)), self._config.careful_speed)
 
-    def _through(self, path: NDArray[np.float64], speed: float) -> MotionResult:
+    def _through(
+        self, path: NDArray[np.float64], speed: float, force_limit: float | None = None
+    ) -> MotionResult:
         if np.abs(path - path[0]).max() < 1e-3:
             return MotionResult(True)
-        return self._robot.follow(retime(path, self._arm.limits, speed=speed))
+        return self._robot.follow(retime(path, self._arm.limits, speed=speed), force_limit)

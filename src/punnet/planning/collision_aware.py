@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from punnet.errors import ConfigurationError, PlanningError
 from punnet.movement import TrajectoryDistribution
 from punnet.planning.approach import angles_of_approach
-from punnet.planning.collision_cost import CHECKED_PHASES, collision_costs
+from punnet.planning.collision_cost import CHECKED_PHASES, collision_costs, stems_caught
 from punnet.planning.observed_scene import ObservedScene, observe
 from punnet.planning.planner import Planner
 from punnet.planning.straight_candidates import Candidates, draw_candidates, spread_offsets
@@ -27,6 +27,10 @@ WIDEST = np.deg2rad((40.0, 12.0, 12.0))
 """Radians of yaw, pitch and roll about the planned approach among which reaches are drawn."""
 NARROW = np.deg2rad((8.0, 6.0, 12.0))
 """The same about an approach that was asked for."""
+
+CERTAINLY_CAUGHT = 4.0
+"""Of :func:`~punnet.planning.collision_cost.stems_caught`: from here on a neighbour's stem was dragged along, and three of
+three berries lost or bruised; below it none of 46 was lost (plants of seed 500, suites clustered, occluded and thesis)."""
 
 _PER_TURN = 0.15  # cost of a squared radian of yaw, pitch and roll together
 _PER_JOINT = 0.05  # and of joints away from the planned end
@@ -86,7 +90,8 @@ class CollisionAwarePlanner:
         Raises
         ------
         PlanningError
-            If the planner has no reach, or gives poses in place of joints.
+            If the planner has no reach, or gives poses in place of joints; ``no free approach: …`` if whichever way the tool
+            comes in a neighbour's stem is between its fingers.
         """
         planned = self.planner.plan(frame, target, start)
         if target.picking_point is None:
@@ -97,9 +102,18 @@ class CollisionAwarePlanner:
             )
         q_start = np.asarray(start, dtype=np.float64)
         candidates = self.candidates(planned, target, q_start)
-        costs = self.costs(candidates, observe(frame, target), planned)
+        scene = observe(frame, target)
+        costs = self.costs(candidates, scene, planned)
         best = int(np.argmin(costs))
-        return candidates.distribution(best, q_start) if np.isfinite(costs[best]) else planned
+        if not np.isfinite(costs[best]):
+            return planned
+        poses = self.arm.forward_kinematics(candidates.trajectories(CHECKED_PHASES)[[best]])
+        if stems_caught(scene, poses)[0] >= CERTAINLY_CAUGHT:
+            raise PlanningError(
+                f"no free approach: whichever way the tool comes in, a neighbour's stem would be dragged along with "
+                f"berry {target.berry_id}"
+            )
+        return candidates.distribution(best, q_start)
 
     def candidates(
         self, planned: TrajectoryDistribution, target: Target, start: NDArray[np.float64]

@@ -2,7 +2,8 @@
 
 A thing costs by how far the tool comes into its margin, at the worst moment. What the tool may brush (stems, leaves)
 costs less than fruit, what would damage the machine (structure) much more. A stem between the fingers costs most of
-what grows: once they have closed it can't get out, and its berry is dragged along until the picked one is lost.
+what grows: once they have closed it can't get out, and its berry is dragged along until the picked one is lost. So it
+is with a leaf.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from punnet.planning.observed_scene import ObservedScene
 from punnet.planning.promp_depth import APPROACH_PHASE
 from punnet.planning.tool_shape import ARM, CARRIED, OPENING, SLOT, SOLID, placed
 
-__all__ = ["CHECKED_PHASES", "CollisionCosts", "collision_costs"]
+__all__ = ["CHECKED_PHASES", "CollisionCosts", "collision_costs", "stems_caught"]
 
 CHECKED_PHASES = np.concatenate((np.linspace(0.34, 0.66, 5), np.linspace(APPROACH_PHASE, 1.0, 9)))
 """Phases at which the tool is looked at; before them it is far from any plant."""
@@ -37,9 +38,11 @@ _WEIGHTS = {
     "caught": 6.0,
     "brushed": 0.1,
     "soft": 1.0,
+    "leaf": 3.0,
     "hard": 20.0,
 }
 _POINTS = 4  # a capsule, for what is kept as cells
+_IN_SLOT = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,15 +70,26 @@ def collision_costs(scene: ObservedScene, T_base_flange: NDArray[np.float64]) ->
         + _WEIGHTS["opening"] * _depths(scene.fruit, OPENING, T[:, _APPROACHING], FRUIT_MARGIN, scene.care)
         + _WEIGHTS["carried"] * _depths(scene.fruit, CARRIED, T[:, _LEAVING], FRUIT_MARGIN, scene.care)
     )
-    stems = _WEIGHTS["caught"] * _depths(scene.stems, SLOT, T, STEM_MARGIN) + _WEIGHTS["brushed"] * (
+    stems = _WEIGHTS["caught"] * stems_caught(scene, T_base_flange) + _WEIGHTS["brushed"] * (
         _depths(scene.stems, SOLID, T, STEM_MARGIN)
         + _depths(scene.stems, CARRIED, T[:, _LEAVING], STEM_MARGIN)
     )
     solid = placed(SOLID, T).points(_POINTS)
     arm = placed(ARM, T).points(_POINTS)
+    gripped = placed(SLOT, T[:, -1]).points(_IN_SLOT)
     soft = scene.soft_at(solid).mean(axis=(1, 2, 3))
+    leaf = scene.soft_at(gripped).mean(axis=(1, 2))
     hard = scene.hard_at(solid).mean(axis=(1, 2, 3)) + scene.hard_at(arm).mean(axis=(1, 2, 3))
-    return CollisionCosts(fruit, stems, _WEIGHTS["soft"] * soft, _WEIGHTS["hard"] * hard)
+    return CollisionCosts(
+        fruit, stems, _WEIGHTS["soft"] * soft + _WEIGHTS["leaf"] * leaf, _WEIGHTS["hard"] * hard
+    )
+
+
+def stems_caught(scene: ObservedScene, T_base_flange: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(K,) how deep neighbours' stems are between the fingers, in margins, of K reaches as in :func:`collision_costs`."""
+    T = T_base_flange.copy()
+    T[..., :3, 3] -= scene.origin
+    return _depths(scene.stems, SLOT, T, STEM_MARGIN)
 
 
 def _depths(

@@ -1,8 +1,9 @@
 """What the camera saw around a target, as a planner avoids it: fruit, stems, and the rest of what has depth.
 
 Every other berry is an upright capsule. A stem is too thin for the depth camera, but it hangs above its calyx: each berry
-has one, plumb for the length that matters. What is left of the depth picture is kept in a grid of occupied cells: green
-things (leaves, stalks) give way and are soft, everything else (gutter, pipes, posts, the table) is hard.
+has one, plumb for the length that matters: a thin capsule, and a wider one above it, since higher up it leans. What is
+left of the depth picture is kept in a grid of occupied cells: green things (leaves, stalks) give way and are soft,
+everything else (gutter, pipes, posts, the table) is hard.
 """
 
 from __future__ import annotations
@@ -21,8 +22,10 @@ from punnet.scene import Frame, Strawberries, Target
 __all__ = ["STEM_LENGTH", "ObservedScene", "observe"]
 
 STEM_LENGTH = 0.14
-"""Metres of stem above a calyx that are taken to hang plumb."""
+"""Metres of stem above a calyx that are taken to hang plumb, the upper ones only nearly."""
 STEM_RADIUS = 0.0015
+LEANING, LEANING_RADIUS = 0.05, 0.006
+"""Metres above a calyx from which a stem leans to its truss, and how far to some side it may be there."""
 
 _CALYX_BELOW = 0.015  # metres of the picking point above the calyx
 _USUAL_RADIUS, _USUAL_LENGTH = 0.014, 0.036  # of a berry whose outline is not known
@@ -43,7 +46,7 @@ class ObservedScene:
     Parameters
     ----------
     fruit, stems
-        Of the other berries.
+        Of the other berries, N and 2 N capsules.
     care
         (N,) how much each fruit is to be kept clear of: what stays on the plant more than what is picked next.
     soft, hard
@@ -105,7 +108,12 @@ def _others(
     up = np.array([0.0, 0.0, 1.0])
     inset = np.minimum(radius, length / 2.0)[:, None] * up
     fruit = Capsules(top - inset, top - length[:, None] * up + inset, radius)
-    stems = Capsules(top, top + STEM_LENGTH * up, np.full(len(top), STEM_RADIUS))
+    leaning = top + LEANING * up
+    stems = Capsules(
+        np.concatenate((top, leaning)),
+        np.concatenate((leaning, top + STEM_LENGTH * up)),
+        np.repeat((STEM_RADIUS, LEANING_RADIUS), len(top)),
+    )
     return fruit, stems, np.array(care)
 
 

@@ -47,8 +47,8 @@ SOLID = _capsules(
 )
 """What the picker is made of as it comes in: fingers, closed paddles, housing, camera."""
 
-SLOT = _capsules(((0.0, 0.0, 0.10), (0.0, 0.0, _REACH - 0.004), _GAP))
-"""The gap between the grasping fingers: a stem in it is gripped, or dragged along when the tool leaves."""
+SLOT = _capsules(((0.0, 0.0, 0.10), (0.0, 0.0, _REACH - 0.004), _FINGER))
+"""The gap between the grasping fingers, up to their middles: a stem in it is gripped, or dragged along when the tool leaves."""
 
 OPENING = _capsules(*(_paddle(side, share * _OPEN) for side in (-1.0, 1.0) for share in (0.5, 1.0)))
 """Where the paddles go when they open at the stem; they stay open until the tool is out of the plant."""

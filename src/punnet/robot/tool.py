@@ -27,7 +27,7 @@ BLADE_ABOVE_GRIP = 0.006
 GRIP_OPENING = 0.017
 """Half of the gap between the pads when they are fully open, metres."""
 
-COMING_IN = 0.53
+COMING_IN = 0.4
 """Share of :data:`GRIP_OPENING` with which the tool goes into the plant: as much as a stem that was seen is located by.
 
 Whatever stem is between the fingers when they close is gripped or can't get out: it is dragged along as the tool leaves."""
