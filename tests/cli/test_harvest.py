@@ -135,4 +135,4 @@ def test_a_dry_run_of_another_arm(punnet, tmp_path: Path) -> None:
     assert all(berry["punnet"] for berry in told["berries"])
     motion = json.loads((tmp_path / "dry" / told["trajectories"][0]).read_text())
     assert motion["joint_names"] == [f"joint{number}" for number in range(1, 8)]
-    punnet(*command, "--out", tmp_path / "other").fails_with("--robot dry-run")
+    punnet("harvest", "--arm", "ur6", "--out", tmp_path / "other").fails_with("no file 'ur6'", "xarm7")

@@ -8,6 +8,7 @@ import pytest
 
 from punnet.harvest.scenario import Scenario, Session
 from punnet.harvest.strip import SIZE, strip
+from punnet.robot import Panda
 from punnet.sim.world import WorldConfig
 
 
@@ -24,7 +25,7 @@ def decoded(picture: bytes) -> np.ndarray:
 
 def test_pictures_in_the_order_of_the_pick(attempt) -> None:
     blue = np.full((320, 320, 3), (0, 0, 255), dtype=np.uint8)
-    pictures = strip(attempt, {"at the cut": blue})
+    pictures = strip(attempt, {"at the cut": blue}, Panda())
     assert list(pictures) == ["before", "planned: mean and samples", "at the cut"]
     assert {decoded(picture).shape for picture in pictures.values()} == {(SIZE, SIZE, 3)}
     assert np.abs(decoded(pictures["at the cut"]) - (0, 0, 255)).max() < 8
@@ -32,7 +33,7 @@ def test_pictures_in_the_order_of_the_pick(attempt) -> None:
 
 def test_the_planned_reach_ends_at_the_berry(attempt) -> None:
     """The mean's end is ringed in white, where the picking point is seen."""
-    with_reach = decoded(strip(attempt, {})["planned: mean and samples"])
+    with_reach = decoded(strip(attempt, {}, Panda())["planned: mean and samples"])
     box = attempt.berry.boxes[0]
     scale = SIZE / round(2 * (0.5 + 1.7) * np.max(box[2:] - box[:2]))
     u, v = (attempt.berry.keypoints[0, 0] - (box[:2] + box[2:]) / 2.0) * scale + SIZE / 2
@@ -41,4 +42,4 @@ def test_the_planned_reach_ends_at_the_berry(attempt) -> None:
 
 
 def test_without_a_plan_there_is_only_the_berry(attempt) -> None:
-    assert list(strip(replace(attempt, distribution=None), {})) == ["before"]
+    assert list(strip(replace(attempt, distribution=None), {}, Panda())) == ["before"]

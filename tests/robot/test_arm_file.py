@@ -47,9 +47,9 @@ def test_spheres_hold_the_links_of_the_model(fr3, rng):
     """Corners of the FR3's own collision meshes, carried by the closed form's links, lie inside the spheres."""
     import mujoco
 
-    from punnet.sim.arm import load_arm as simulated_arm
+    from punnet.sim.arm import panda_spec
 
-    spec = simulated_arm(with_visuals=False)
+    spec = panda_spec(with_visuals=False)
     model = spec.compile()
     data = mujoco.MjData(model)
     data.qpos[:7] = q = fr3.home + rng.uniform(-0.2, 0.2, 7)

@@ -6,8 +6,9 @@ import pytest
 
 from punnet.robot import HOME, Panda
 from punnet.robot.arm_shape import self_clearance, structure_clearance
-from punnet.sim.arm import JOINT_NAMES, load_arm
+from punnet.sim.arm import JOINT_NAMES
 from punnet.sim.picker import add_picker
+from punnet.sim.placed_arm import place_arm
 from punnet.sim.structure import structure_boxes
 from tests.sim.conftest import small_world
 
@@ -25,9 +26,9 @@ CLEARANCE = 0.015  # the guard's own
 
 @pytest.fixture(scope="module")
 def arm_alone():
-    spec = load_arm(with_visuals=False)
-    add_picker(spec)
-    return spec.compile()
+    placed = place_arm(Panda(), with_visuals=False)
+    add_picker(placed)
+    return placed.spec.compile()
 
 
 def part_of(model, geom):

@@ -109,14 +109,10 @@ def harvest(
     dry = robot == "dry-run"
     if dry and (pick or resume):
         raise ConfigurationError("--robot dry-run writes files and has no attempts to look at or go on with")
-    if arm != "panda" and not dry:
-        raise ConfigurationError(
-            "--arm: the simulated arm is a Panda; another arm's motions are written with --robot dry-run"
-        )
     if resume:
         from punnet.harvest.folder import options_of
 
-        given = (detector, oracle, suite, planner, planner_bundle, choice, pick, force)
+        given = (detector, oracle, suite, planner, planner_bundle, choice, pick, arm != "panda", force)
         if seed is not None or any(given):
             raise ConfigurationError("--resume takes all options from the log; leave the others out")
         options = options_of(out)
@@ -128,10 +124,11 @@ def harvest(
             "planner_bundle": planner_bundle,
             "choice": choice,
             "pick": pick,
+            "arm": None if arm == "panda" else arm,
         }
         options |= {name: value for name, value in others.items() if value}
     if dry:
-        _rehearse(options, arm, out, force=force, as_json=as_json)
+        _rehearse(options, out, force=force, as_json=as_json)
         return
     report = _harvest(options, out, force=force, resume=resume)
     if as_json:
@@ -162,23 +159,21 @@ def _harvest(options: dict[str, Any], out: Path, *, force: bool = False, resume:
     return report
 
 
-def _rehearse(options: dict[str, Any], arm: str, out: Path, *, force: bool, as_json: bool) -> None:
+def _rehearse(options: dict[str, Any], out: Path, *, force: bool, as_json: bool) -> None:
     """The harvest that ``options`` say, as files."""
     import json
 
     from punnet.harvest.rehearsal import rehearse
     from punnet.harvest.scenario import Scenario
     from punnet.outputs import OutputFolder, write_text
-    from punnet.robot import load_arm
 
-    body = load_arm(arm)
     with OutputFolder(out, force=force) as output:
         whisper(f"growing the plant of seed {options['seed']}")
-        rehearsal = rehearse(Scenario(**options), output.path, lambda line, attempt: whisper(line), body)
+        rehearsal = rehearse(Scenario(**options), output.path, lambda line, attempt: whisper(line))
         told = rehearsal.to_json()
         write_text(
             output.path / "harvest.json",
-            json.dumps({"options": {**options, "arm": arm}, **told}, indent=2) + "\n",
+            json.dumps({"options": options, **told}, indent=2) + "\n",
         )
     if as_json:
         print_json({"out": str(out), **told})

@@ -11,7 +11,6 @@ from punnet.harvest.attempts import Attempt
 from punnet.harvest.judge import TOUCH_FORCE
 from punnet.harvest.loop import CUTTING
 from punnet.harvest.scenario import Session
-from punnet.robot import Panda
 from punnet.sim.truth import true_picking_points
 
 __all__ = ["AttemptTruth", "Collision", "Watch"]
@@ -60,7 +59,6 @@ class Watch:
         self.session: Session | None = None
         self.attempts: dict[int, AttemptTruth] = {}
         self.collisions: list[Collision] = []
-        self._arm = Panda()
         self._last = (0, "home")
 
     def listen(self, line: str, attempt: Attempt | None) -> None:
@@ -77,7 +75,7 @@ class Watch:
             self.attempts[attempt.number] = self._aim(session, attempt)
         truth = self.attempts[attempt.number]
         if line == CUTTING and truth.aimed is not None:
-            tool = self._arm.forward_kinematics_tool(session.robot.joints())[:3, 3]
+            tool = session.world.arm.forward_kinematics_tool(session.robot.joints())[:3, 3]
             truth.cut_error = float(np.linalg.norm(tool - true_picking_points(session.world)[truth.aimed]))
 
     def finish(self) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from punnet.geometry import invert_transform, make_transform
 from punnet.planning.approach import approach_rotation, comfortable_angles
-from punnet.robot import HOME, T_FLANGE_TOOL, Panda, nearest_solutions
+from punnet.robot import nearest_solutions
 from punnet.sim.contacts import BRUISING_FORCE
 from punnet.sim.punnets import inside_punnet
 from punnet.sim.truth import true_picking_points
@@ -91,21 +91,21 @@ class Fate:
         )
 
 
-def reachable_berries(world: World, arm: Panda | None = None) -> NDArray[np.bool_]:
+def reachable_berries(world: World) -> NDArray[np.bool_]:
     """(N,) whether the arm can bring the tool to each berry's stem, 90 mm straight in, from one of 15 directions.
 
     Kinematics alone: neither what hangs in the way nor whether the camera sees the berry counts.
     """
-    arm = arm or Panda()
+    arm = world.arm
     reachable = np.zeros(world.berries, dtype=np.bool_)
     for index, point in enumerate(true_picking_points(world)):
         yaw, pitch = comfortable_angles(point)
         rotations = approach_rotation(*np.meshgrid(yaw + _YAWS, pitch + _PITCHES)).reshape(-1, 3, 3)
         grip = make_transform(rotations, np.broadcast_to(point, (len(rotations), 3)))
         before = make_transform(rotations, point - _APPROACH_DISTANCE * rotations[:, :, 2])
-        flange_tool = invert_transform(T_FLANGE_TOOL)
+        flange_tool = invert_transform(arm.T_flange_tool)
         solved = [
-            np.isfinite(nearest_solutions(poses @ flange_tool, HOME, arm=arm)).all(axis=1)
+            np.isfinite(nearest_solutions(poses @ flange_tool, arm.home, arm=arm)).all(axis=1)
             for poses in (grip, before)
         ]
         reachable[index] = bool((solved[0] & solved[1]).any())

@@ -9,7 +9,7 @@ from typing import Any
 from punnet.harvest.attempts import HarvestRun, Outcome
 from punnet.harvest.loop import Listener
 from punnet.harvest.scenario import Scenario, Session
-from punnet.robot import Arm, DryRunRobot, Panda
+from punnet.robot import DryRunRobot, load_arm
 
 __all__ = ["Rehearsal", "rehearse"]
 
@@ -44,9 +44,7 @@ class Rehearsal:
         }
 
 
-def rehearse(
-    scenario: Scenario, folder: str | Path, listener: Listener | None = None, arm: Arm | None = None
-) -> Rehearsal:
+def rehearse(scenario: Scenario, folder: str | Path, listener: Listener | None = None) -> Rehearsal:
     """Go through the harvest of a simulated plant with a robot that only writes files.
 
     The camera is the simulated one at home, so every look shows the whole plant; each berry is tried once, as if each
@@ -56,8 +54,6 @@ def rehearse(
     ----------
     folder
         Where ``0001-trajectory.json`` … and ``actions.jsonl`` go.
-    arm
-        Whose motions they are; the Panda's if None.
 
     Raises
     ------
@@ -70,10 +66,10 @@ def rehearse(
     robots: list[DryRunRobot] = []
 
     def stand_in(camera: Any) -> DryRunRobot:
-        robots.append(DryRunRobot(folder, camera, (arm or Panda()).home))
+        robots.append(DryRunRobot(folder, camera, load_arm(scenario.arm).home))
         return robots[0]
 
-    with Session(replace(scenario, harvest=once), listener, stand_in, arm) as session:
+    with Session(replace(scenario, harvest=once), listener, stand_in) as session:
         run = session.run()
     robot = robots[0]
     return Rehearsal(run, tuple(path.name for path in robot.trajectories), robot.time)

@@ -20,7 +20,7 @@ from punnet.perception import load_detector
 from punnet.perception.choosing import SIMULATION_DETECTOR
 from punnet.planning.choice import DEFAULT_CHOICE, with_choice
 from punnet.planning.named import DEFAULT_PLANNER, planner_named
-from punnet.robot import Arm, MotionGuard, Panda, Robot
+from punnet.robot import MotionGuard, Robot, load_arm
 from punnet.scene import Frame
 from punnet.sim.camera_effects import NIGHT_CAMERA
 from punnet.sim.depth_sensor import StereoDepthModel
@@ -64,6 +64,8 @@ class Scenario:
         How a reach is chosen; see :mod:`punnet.planning.choice`.
     planner, planner_bundle
         What plans, as :func:`punnet.planning.planner_named` takes it.
+    arm
+        What the picker is mounted on, as :func:`punnet.robot.load_arm` takes it, in place of what ``world`` says.
     """
 
     seed: int
@@ -74,6 +76,7 @@ class Scenario:
     choice: str = DEFAULT_CHOICE
     planner: str = DEFAULT_PLANNER
     planner_bundle: str | None = None
+    arm: str = "panda"
 
     def __post_init__(self) -> None:
         if self.seed < 0:
@@ -81,11 +84,8 @@ class Scenario:
 
     def plant(self) -> tuple[int, WorldConfig]:
         """Seed and config of the world to build."""
-        return (
-            (self.seed, self.world)
-            if self.suite is None
-            else suite_of(self.suite).plant(self.seed, self.world)
-        )
+        world = replace(self.world, arm=self.arm)
+        return (self.seed, world) if self.suite is None else suite_of(self.suite).plant(self.seed, world)
 
 
 class Session:
@@ -99,8 +99,6 @@ class Session:
         Told of each step.
     stand_in
         Makes of the simulated camera the robot that is told what to do, in place of the simulated one.
-    arm
-        The arm of that robot, in the place of the Panda, which the simulated one has.
     """
 
     def __init__(
@@ -108,7 +106,6 @@ class Session:
         scenario: Scenario,
         listener: Listener | None = None,
         stand_in: Callable[[Callable[[], Frame]], Robot] | None = None,
-        arm: Arm | None = None,
     ) -> None:
         self.scenario = scenario
         self._listener = listener
@@ -118,6 +115,7 @@ class Session:
         detector = None if scenario.perception == ORACLE else load_detector(scenario.perception)
         scale = OracleScale() if detector is None else load_weight_estimator()
         self.scale_name = scale.name
+        arm = load_arm(scenario.arm)
         base = planner_named(scenario.planner, arm=arm, bundle=scenario.planner_bundle)
         planner = with_choice(base, scenario.choice, arm)
         self.planner_name = planner.name
@@ -140,7 +138,7 @@ class Session:
             PUNNET_PLACES,
             settings,
             self._listen,
-            MotionGuard(arm or Panda(), structure_boxes(self.world)),
+            MotionGuard(arm, structure_boxes(self.world)),
         )
         self._hanging = self.world.attached()
 

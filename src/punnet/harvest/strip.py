@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from punnet.geometry import invert_transform, project, transform_points
 from punnet.harvest.attempts import Attempt
 from punnet.movement import TrajectoryDistribution
-from punnet.robot import Panda
+from punnet.robot import Arm
 from punnet.scene import Frame
 from punnet.scene.overlay import draw_overlay
 
@@ -27,19 +27,21 @@ _MEAN, _SAMPLE = (255, 255, 255), (255, 170, 60)
 _QUALITY = 88
 
 
-def strip(attempt: Attempt, close_ups: Mapping[str, NDArray[np.uint8]]) -> dict[str, bytes]:
+def strip(attempt: Attempt, close_ups: Mapping[str, NDArray[np.uint8]], arm: Arm) -> dict[str, bytes]:
     """JPEG pictures by caption, in the order in which things happened.
 
     Parameters
     ----------
     close_ups
         Pictures (H, W, 3) of what went on, by caption.
+    arm
+        That reaches.
     """
     pictures = {
         "before": encoded(_square(draw_overlay(attempt.frame.rgb, attempt.berry), attempt, _CROP_MARGIN))
     }
     if attempt.distribution is not None and attempt.distribution.space == "joint":
-        drawn = _with_reaches(attempt.frame, attempt.distribution, attempt.number)
+        drawn = _with_reaches(attempt.frame, attempt.distribution, attempt.number, arm)
         if drawn is not None:
             pictures["planned: mean and samples"] = encoded(_square(drawn, attempt, _REACH_MARGIN))
     return pictures | {caption: encoded(_resized(picture)) for caption, picture in close_ups.items()}
@@ -50,12 +52,14 @@ def encoded(rgb: NDArray[np.uint8]) -> bytes:
     return bytes(cv2.imencode(".jpg", rgb[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1].tobytes())
 
 
-def _with_reaches(frame: Frame, distribution: TrajectoryDistribution, seed: int) -> NDArray[np.uint8] | None:
+def _with_reaches(
+    frame: Frame, distribution: TrajectoryDistribution, seed: int, arm: Arm
+) -> NDArray[np.uint8] | None:
     """The frame with the ways of the tool: samples of the distribution, and over them its mean; None without a camera."""
     if frame.camera is None or frame.T_base_camera is None:
         return None
     joints = distribution.sample(np.random.default_rng(seed), _SAMPLES, _PHASES)
-    ways = Panda().forward_kinematics_tool(np.concatenate((joints, distribution.mean(_PHASES)[None])))
+    ways = arm.forward_kinematics_tool(np.concatenate((joints, distribution.mean(_PHASES)[None])))
     picture = frame.rgb.copy()
     T_camera_base = invert_transform(frame.T_base_camera)
     for number, way in enumerate(ways[..., :3, 3]):

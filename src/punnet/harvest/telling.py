@@ -45,6 +45,7 @@ def tell(
             "perception": scenario.perception,
             "weights by": session.scale_name,
             "planner": session.planner_name,
+            **({} if scenario.arm == "panda" else {"arm": scenario.arm}),
             **({} if scenario.planner_bundle is None else {"planner learnt from": scenario.planner_bundle}),
             "berries on the plant": session.world.berries,
             "speed (share of the arm's limits)": f"{scenario.harvest.speed}, among berries {scenario.harvest.careful_speed}",
@@ -85,7 +86,7 @@ def _pick(session: Session, attempt: Attempt, close_ups: Mapping[str, NDArray[np
         seconds_simulated=attempt.seconds_simulated,
         seconds_computing=attempt.seconds_computing,
         notes=tuple(_notes(attempt)),
-        images=strip(attempt, close_ups),
+        images=strip(attempt, close_ups, session.world.arm),
         plot=_plot(attempt),
     )
 

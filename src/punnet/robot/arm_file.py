@@ -38,7 +38,7 @@ from punnet.robot.arm_model import ArmModel, read_arm_model
 from punnet.robot.arm_shape import PICKER_PIECES, ArmShape, arm_spheres, self_clearance, spheres_along
 from punnet.robot.multistart import postures
 from punnet.robot.panda import HOME, Panda
-from punnet.robot.serial_arm import SerialArm
+from punnet.robot.serial_arm import ModelSource, SerialArm
 from punnet.robot.tool import T_FLANGE_TOOL
 
 __all__ = ["ARMS", "load_arm"]
@@ -105,9 +105,10 @@ class _ArmFile:
 
     def arm(self) -> SerialArm:
         name = str(self.data.get("name", self.path.stem))
-        model = read_arm_model(self._model_file(), str(self._needed("flange")))
+        source = ModelSource(self._model_file(), str(self._needed("flange")), self._pose("picker"))
+        model = read_arm_model(source.path, source.flange)
         frames = model.T_link_next.copy()
-        frames[-1] = frames[-1] @ self._pose("picker")
+        frames[-1] = frames[-1] @ source.T_body_flange
         try:
             velocity, acceleration, jerk = (
                 self._numbers(field, None, len(model.names)) for field in ("velocity", "acceleration", "jerk")
@@ -131,6 +132,7 @@ class _ArmFile:
                 middle,
                 room,
                 name,
+                source,
             )
             home = self._numbers("home", None) if "home" in self.data else self._found_home(arm)
             arm = replace(arm, home_joints=home)

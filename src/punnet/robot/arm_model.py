@@ -16,7 +16,7 @@ from punnet.robot.link_spheres import spheres_of_points, surface_points
 if TYPE_CHECKING:
     import mujoco
 
-__all__ = ["ArmModel", "read_arm_model"]
+__all__ = ["ArmModel", "read_arm_model", "read_arm_spec"]
 
 Array = NDArray[np.float64]
 
@@ -86,14 +86,29 @@ def read_arm_model(path: str | Path, flange: str) -> ArmModel:
     )
 
 
-def _compiled(path: Path) -> tuple[mujoco.MjModel, Array]:
-    """The model, and where each body's frame is (B, 4, 4) at zero joints, relative to the joint frame it turns with."""
+def read_arm_spec(path: Path) -> mujoco.MjSpec:
+    """The model as it can be changed, its bodies not fused, with those meshes that can be read.
+
+    Raises
+    ------
+    FileFormatError
+        If the file can't be read.
+    """
     import mujoco
 
     try:
         spec = mujoco.MjSpec.from_file(str(path))
-        spec.compiler.fusestatic = False
-        _keep_readable_meshes(spec, path)
+    except (ValueError, OSError) as error:
+        raise FileFormatError(f"{path}: not readable as URDF or MJCF ({error})") from error
+    spec.compiler.fusestatic = False
+    _keep_readable_meshes(spec, path)
+    return spec
+
+
+def _compiled(path: Path) -> tuple[mujoco.MjModel, Array]:
+    """The model, and where each body's frame is (B, 4, 4) at zero joints, relative to the joint frame it turns with."""
+    spec = read_arm_spec(path)
+    try:
         model = spec.compile()
     except (ValueError, OSError) as error:
         raise FileFormatError(f"{path}: not readable as URDF or MJCF ({error})") from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,9 +13,21 @@ from punnet.geometry import is_transform
 from punnet.robot.arm import Arm
 from punnet.robot.arm_shape import ArmShape
 
-__all__ = ["SerialArm"]
+__all__ = ["ModelSource", "SerialArm"]
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ModelSource:
+    """Where an arm was read from, so that a simulator can have it too.
+
+    ``path`` of the URDF or MJCF file, the body ``flange``, and where the picker's frame sits on it, ``T_body_flange`` (4, 4).
+    """
+
+    path: Path
+    flange: str
+    T_body_flange: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +51,8 @@ class SerialArm(Arm):
         See :attr:`~punnet.robot.arm.Arm.shape`; frames are 0 for the foot, 1 … J for the links, J + 1 for the flange.
     name
         The arm's name.
+    source
+        Its model file, if it was read from one.
 
     Raises
     ------
@@ -51,6 +66,7 @@ class SerialArm(Arm):
     home_joints: Array
     room: ArmShape
     name: str
+    source: ModelSource | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

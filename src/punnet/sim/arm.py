@@ -1,4 +1,4 @@
-"""The arm in the world: geometry and inertias of the FR3 from its registry package, limits of the Panda.
+"""The Panda in the world: geometry and inertias of the FR3 from its registry package, limits of the Panda.
 
 The FR3 and the Panda share their kinematics; joint ranges, and the controller's gains, are the Panda's.
 """
@@ -14,13 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from punnet.errors import ConfigurationError
+from punnet.geometry import make_transform
 from punnet.robot.panda import Panda
 from punnet.sim.layers import ARM_VISUAL, TOUCHES_PLANT_AND_STRUCTURE, TOUCHES_STRUCTURE
 
-__all__ = ["FLANGE_BODY", "JOINT_NAMES", "SERVO_LAG", "load_arm"]
+__all__ = ["JOINT_NAMES", "PANDA_FLANGE", "SERVO_LAG", "WRIST_BODY", "panda_spec"]
 
 JOINT_NAMES = tuple(f"fr3_joint{index}" for index in range(1, 8))
-FLANGE_BODY = "fr3_link7"
+WRIST_BODY = "fr3_link7"
+PANDA_FLANGE: NDArray[np.float64] = make_transform(np.eye(3), (0.0, 0.0, 0.107))
+"""Flange in the frame of the arm's last link, (4, 4)."""
 # Stiffness and damping of the joint-position loops, N·m/rad and N·m·s/rad, of the order of the real controller's.
 _STIFFNESS = (4500.0, 4500.0, 3500.0, 3500.0, 2000.0, 2000.0, 2000.0)
 SERVO_LAG = 0.1
@@ -29,7 +32,7 @@ _VISUAL_GRID = 0.004
 _PLANT_LINKS = ("fr3_link6", "fr3_link7")
 
 
-def load_arm(*, with_visuals: bool = True) -> mujoco.MjSpec:
+def panda_spec(*, with_visuals: bool = True) -> mujoco.MjSpec:
     """The arm as an MjSpec of its own, base at the origin, with joint-position servos.
 
     Parameters

@@ -27,13 +27,18 @@ class ContactMonitor:
     ----------
     model
         The compiled world.
+    first_link
+        Body that the arm's first joint turns: what hangs on it is the tool.
     berry_of_geom
         (ngeom,) index of the berry a geometry belongs to, −1 for none.
     """
 
-    def __init__(self, model: mujoco.MjModel, berry_of_geom: NDArray[np.int64], berries: int) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, first_link: str, berry_of_geom: NDArray[np.int64], berries: int
+    ) -> None:
         self._berry_of_geom = berry_of_geom
-        self._is_tool = np.array([self._under_arm(model, body) for body in model.geom_bodyid])
+        link = model.body(first_link).id
+        self._is_tool = np.array([self._under(model, body, link) for body in model.geom_bodyid])
         self._is_structure = (model.geom_contype == STRUCTURE[0]) & (model.geom_conaffinity == STRUCTURE[1])
         self._berries = berries
         self.peak_on_berry = np.zeros(berries)
@@ -42,9 +47,9 @@ class ContactMonitor:
         self._recent_structure_peak = 0.0
 
     @staticmethod
-    def _under_arm(model: mujoco.MjModel, body: int) -> bool:
+    def _under(model: mujoco.MjModel, body: int, link: int) -> bool:
         while body > 0:
-            if model.body(body).name == "fr3_link1":
+            if body == link:
                 return True
             body = int(model.body_parentid[body])
         return False

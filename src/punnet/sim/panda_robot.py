@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from punnet.errors import RobotError
 from punnet.geometry import CameraIntrinsics
 from punnet.movement import JointTrajectory
-from punnet.robot import NOT_ALONE, TOO_THICK, CutResult, GripResult, MotionResult, Panda
+from punnet.robot import NOT_ALONE, TOO_THICK, CutResult, GripResult, MotionResult
 from punnet.robot.tool import GRIP_OPENING, T_FLANGE_CAMERA
 from punnet.scene import Frame
-from punnet.sim.arm import JOINT_NAMES, SERVO_LAG
+from punnet.sim.arm import SERVO_LAG
 from punnet.sim.camera_effects import CameraEffects, apply_effects
 from punnet.sim.cutting import CUT_ABOVE_CALYX, StemState, apply_cut, gripped_berries, stem_states
 from punnet.sim.depth_sensor import StereoDepthModel
@@ -74,8 +74,7 @@ class SimulatedPanda:
         self.noise = rng
         self._depth_sensor = depth_sensor
         self._camera = camera
-        self._arm = Panda()
-        self._arm_dofs = np.array([world.model.joint(name).dofadr[0] for name in JOINT_NAMES])
+        self._arm = world.arm
         self._renderer: CameraRenderer | None = None
         self.observers: list[Observer] = []
 
@@ -91,7 +90,7 @@ class SimulatedPanda:
         return float(self.world.data.time)
 
     def joints(self) -> NDArray[np.float64]:
-        """Joint angles (7,), radians."""
+        """Joint angles (J,), radians."""
         return np.array(self.world.data.qpos[self.world.arm_qpos])
 
     def camera_pose(self) -> NDArray[np.float64]:
@@ -152,7 +151,7 @@ class SimulatedPanda:
         joints = self.joints()
         if np.abs(joints - commanded).max() > _TRACKING_LIMIT:
             return "arm held up: it does not follow its trajectory"
-        speed = np.abs(self.world.data.qvel[self._arm_dofs]) / self._arm.limits.velocity
+        speed = np.abs(self.world.data.qvel[self.world.arm_dofs]) / self._arm.limits.velocity
         if speed.max() > _OVERSPEED:
             return f"too fast: joint {int(np.argmax(speed)) + 1} at {speed.max():.0%} of its limit"
         return None

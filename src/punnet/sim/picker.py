@@ -13,9 +13,9 @@ import mujoco
 import numpy as np
 
 from punnet.robot.tool import BLADE_ABOVE_GRIP, GRIP_OPENING, T_FLANGE_CAMERA, T_FLANGE_TOOL
-from punnet.sim.arm import FLANGE_BODY
 from punnet.sim.layers import PLANT_VISUAL, TOUCHES_NOTHING, TOUCHES_PLANT_AND_STRUCTURE
 from punnet.sim.orientation import mujoco_quaternion
+from punnet.sim.placed_arm import PlacedArm
 
 __all__ = [
     "BLADE_RETRACTED",
@@ -32,7 +32,6 @@ SEPARATION_ANGLE = (0.0, 0.36)
 BLADE_RETRACTED = -0.035
 """Where the blade waits, metres behind the grip point."""
 
-_FLANGE_FACE = 0.107  # flange face in the frame of the arm's last link
 _GRIP_FORCE = 3.0  # newtons of each pad; a stem holds, and a fruit between both is not bruised
 _GRIP_Z = float(T_FLANGE_TOOL[2, 3])
 _DARK = (0.13, 0.13, 0.15, 1.0)
@@ -43,9 +42,12 @@ _RUBBER = (0.20, 0.22, 0.24, 1.0)
 _SOFT = (0.006, 1.0)
 
 
-def add_picker(spec: mujoco.MjSpec) -> None:
-    """Mount the picker on the arm of ``spec`` and give it its actuators and camera."""
-    flange = spec.body(FLANGE_BODY).add_body(name="picker", pos=(0.0, 0.0, _FLANGE_FACE), gravcomp=1.0)
+def add_picker(arm: PlacedArm) -> None:
+    """Mount the picker on an arm and give it its actuators and camera."""
+    spec, T = arm.spec, arm.T_wrist_flange
+    flange = spec.body(arm.wrist).add_body(
+        name="picker", pos=T[:3, 3], quat=mujoco_quaternion(T[:3, :3]), gravcomp=1.0
+    )
     _add_housing(flange)
     _add_camera(flange)
     for side, name in ((-1.0, "left"), (1.0, "right")):

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from punnet.errors import ConfigurationError, RobotError
-from punnet.robot.panda import HOME
+from punnet.robot import Arm, load_arm
 from punnet.robot.tool import GRIP_OPENING
-from punnet.sim.arm import JOINT_NAMES, load_arm
 from punnet.sim.cluster import Cluster, ClusterConfig, grow_cluster
 from punnet.sim.contacts import ContactMonitor
 from punnet.sim.layers import SCENERY, STRUCTURE
 from punnet.sim.lighting import set_night
 from punnet.sim.orientation import mujoco_quaternion
 from punnet.sim.picker import CAMERA_NAME, add_picker
+from punnet.sim.placed_arm import PlacedArm, place_arm
 from punnet.sim.plant import PlantedBerry, add_cluster, add_leaves
 from punnet.sim.punnets import add_punnets
 from punnet.sim.scenery import add_scenery
@@ -40,6 +40,8 @@ class WorldConfig:
     ----------
     cluster
         The kind of plant.
+    arm
+        What the picker is mounted on, as :func:`punnet.robot.load_arm` takes it: a name, or a file.
     arm_visuals
         Whether the arm is drawn; only third-person views need it.
     light
@@ -52,6 +54,7 @@ class WorldConfig:
     """
 
     cluster: ClusterConfig = field(default_factory=ClusterConfig)
+    arm: str = "panda"
     arm_visuals: bool = True
     light: Light = "day"
 
@@ -65,6 +68,8 @@ class World:
 
     Attributes
     ----------
+    arm
+        What the picker is mounted on.
     model, data
         MuJoCo's.
     cluster
@@ -75,13 +80,22 @@ class World:
         Peak forces.
     """
 
-    def __init__(self, model: mujoco.MjModel, cluster: Cluster, planted: list[PlantedBerry]) -> None:
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        arm: Arm,
+        placed: PlacedArm,
+        cluster: Cluster,
+        planted: list[PlantedBerry],
+    ) -> None:
+        self.arm = arm
         self.model = model
         self.data = mujoco.MjData(model)
         self.cluster = cluster
         self.planted = planted
-        self.arm_qpos = np.array([model.joint(name).qposadr[0] for name in JOINT_NAMES])
-        self.arm_ctrl = np.array([model.actuator(name).id for name in JOINT_NAMES])
+        self.arm_qpos = np.array([model.joint(name).qposadr[0] for name in placed.joints])
+        self.arm_dofs = np.array([model.joint(name).dofadr[0] for name in placed.joints])
+        self.arm_ctrl = np.array([model.actuator(name).id for name in placed.joints])
         self._fruit_bodies = np.array([model.body(berry.body).id for berry in planted], dtype=np.int64)
         self._welds = np.array([model.equality(berry.weld).id for berry in planted], dtype=np.int64)
         self._stubs = np.array(
@@ -91,12 +105,12 @@ class World:
         berry_of_geom = np.full(model.ngeom, -1, dtype=np.int64)
         for berry in planted:
             berry_of_geom[model.geom(berry.fruit).id] = berry.index
-        self.contacts = ContactMonitor(model, berry_of_geom, len(planted))
+        self.contacts = ContactMonitor(model, placed.first_link, berry_of_geom, len(planted))
         self._diverged = self.data.warning[mujoco.mjtWarning.mjWARN_BADQACC]
         self._reset()
 
     def _reset(self) -> None:
-        self.data.qpos[self.arm_qpos] = HOME
+        self.data.qpos[self.arm_qpos] = self.arm.home
         for side in ("left", "right"):
             joint = self.model.joint(f"grasp_{side}")
             self.data.qpos[joint.qposadr[0]] = GRIP_OPENING
@@ -104,7 +118,7 @@ class World:
         blade = self.model.joint("blade")
         self.data.qpos[blade.qposadr[0]] = blade.range[0]
         self.data.ctrl[self.model.actuator("blade").id] = blade.range[0]
-        self.data.ctrl[self.arm_ctrl] = HOME
+        self.data.ctrl[self.arm_ctrl] = self.arm.home
         mujoco.mj_step(self.model, self.data, nstep=round(_SETTLING_TIME / TIME_STEP))
         self.data.time = 0.0
 
@@ -167,9 +181,11 @@ def build_world(seed: int, config: WorldConfig | None = None) -> World:
     config = config or WorldConfig()
     rng = np.random.default_rng(seed)
     cluster = grow_cluster(rng, config.cluster)
-    spec = load_arm(with_visuals=config.arm_visuals)
+    arm = load_arm(config.arm)
+    placed = place_arm(arm, with_visuals=config.arm_visuals)
+    spec = placed.spec
     _set_physics(spec)
-    add_picker(spec)
+    add_picker(placed)
     add_scenery(spec, rng)
     _add_table(spec)
     add_punnets(spec)
@@ -178,7 +194,7 @@ def build_world(seed: int, config: WorldConfig | None = None) -> World:
     if config.light == "lamp":
         set_night(spec, rng, spec.body("picker"))
     _set_camera(spec)
-    return World(spec.compile(), cluster, planted)
+    return World(spec.compile(), arm, placed, cluster, planted)
 
 
 def _set_physics(spec: mujoco.MjSpec) -> None:
