@@ -1,5 +1,7 @@
 """Arms that are data in the simulator: they stand, look, move and pick as the Panda does."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
