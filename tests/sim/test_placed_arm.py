@@ -65,7 +65,5 @@ def test_a_ur5_picks_what_a_panda_picks():
 
 
 def test_arm_without_a_model_file_is_refused():
-    from dataclasses import replace
-
     with pytest.raises(ConfigurationError, match="no model file"):
         place_arm(replace(load_arm("ur5"), source=None))
