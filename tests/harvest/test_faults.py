@@ -278,6 +278,25 @@ def test_from_the_sides_it_finds_what_home_does_not_show(session):
     )  # once for the berry, and two that find no more
 
 
+def test_after_a_miss_the_fingers_go_in_wider(session):
+    robot, openings, grips = session.robot, [], []
+    release, grip = robot.release, robot.grip
+
+    def noted(opening=1.0):
+        openings.append(opening)
+        release(opening)
+
+    def missing():
+        grips.append(openings[-1])
+        return GripResult(False, 0.0, "nothing between the pads") if len(grips) == 1 else grip()
+
+    robot.release, robot.grip = noted, missing
+    run = session.run()
+    assert len(run.picked) == 2
+    usual = session.harvester.config.opening
+    assert sorted(grips) == [usual, usual, pytest.approx(1.6 * usual)]
+
+
 def test_carrying_is_broken_off_when_a_neighbour_is_dragged_along(session):
     robot, limited = session.robot, []
     follow = robot.follow

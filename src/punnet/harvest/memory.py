@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from punnet.errors import FileFormatError
 from punnet.harvest.attempts import Attempt
-from punnet.harvest.failures import Recovery
+from punnet.harvest.failures import Failure, Recovery
 
 __all__ = ["Memory", "Place"]
 
@@ -19,7 +19,10 @@ _SAME_SIDE = np.cos(np.deg2rad(8.0))
 
 @dataclass(eq=False)
 class Place:
-    """A point (3,) where picking was tried: how often, along which directions (3,), and what is to be done next time."""
+    """A point (3,) where picking was tried: how often, along which directions (3,), and what is to be done next time.
+
+    ``missed`` is whether the fingers closed beside the stem.
+    """
 
     point: NDArray[np.float64]
     tries: int = 0
@@ -27,6 +30,7 @@ class Place:
     other_side: bool = False
     second_view: bool = False
     aside: bool = False
+    missed: bool = False
 
     def was_tried_along(self, direction: NDArray[np.float64]) -> bool:
         """Whether the tool has come in along this direction, or nearly so."""
@@ -73,6 +77,7 @@ class Memory:
         if attempt.failure is None:
             return
         recovery = attempt.failure.recovery
+        place.missed |= attempt.failure is Failure.NOT_GRIPPED
         place.aside |= recovery is Recovery.SET_ASIDE
         place.other_side |= recovery is Recovery.OTHER_SIDE
         place.second_view |= recovery in (Recovery.OTHER_SIDE, Recovery.SECOND_VIEW)
@@ -87,6 +92,7 @@ class Memory:
                 "other_side": place.other_side,
                 "second_view": place.second_view,
                 "aside": place.aside,
+                "missed": place.missed,
             }
             for place in self._places
         ]
@@ -108,6 +114,7 @@ class Memory:
                     bool(place["other_side"]),
                     bool(place["second_view"]),
                     bool(place["aside"]),
+                    bool(place["missed"]),
                 )
                 for place in places
             ]

@@ -23,6 +23,7 @@ EMPTY_PUNNET_NOISE = 1.0
 _LOOKS_DIFFER = 0.006  # metres between the points of two looks at a berry that hangs still
 _HIGHER = 0.009  # metres up the stem, where a fruit was between the pads
 _TIMES_HIGHER = 3  # if it is not sure where the berry hangs; else higher up there would be another's stem
+_WIDER = 1.6  # times the opening, where the fingers missed the stem before
 _TAKEN_AWAY = 5.0  # grams that a punnet can't lose by itself
 
 
@@ -42,6 +43,8 @@ class Reach:
         if self._parts.config.look_on_the_way > 0:
             _require(self._parts.motions.to_the_plant())
             attempt.shift = self._shift(attempt, situation.memory.at(attempt.picking_point).tries)
+        if situation.memory.at(attempt.picking_point).missed:
+            self._parts.robot.release(min(1.0, _WIDER * self._parts.config.opening))
         result = self._parts.motions.go_in(attempt.shift)
         attempt.peak_force, attempt.touched = result.peak_force, result.touched
         _require(result)
