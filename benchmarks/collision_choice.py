@@ -28,7 +28,7 @@ from punnet.planning.observed_scene import observe
 from punnet.robot import HOME
 from punnet.scene import Frame, Strawberries, Target
 from punnet.sim.depth_sensor import StereoDepthModel
-from punnet.sim.panda_robot import SimulatedPanda
+from punnet.sim.simulated_robot import SimulatedRobot
 from punnet.sim.world import WorldConfig, build_world
 
 PARTS = ("observe", "draw", "judge", "condition")
@@ -87,7 +87,7 @@ def main() -> None:
 def first_look(suite: str, seed: int) -> tuple[Frame, Strawberries]:
     """What is seen from home of a suite's plant, and what is found in it."""
     world_seed, config = suite_of(suite).plant(seed, WorldConfig(arm_visuals=False))
-    robot = SimulatedPanda(
+    robot = SimulatedRobot(
         build_world(world_seed, config), np.random.default_rng((seed, 1)), StereoDepthModel()
     )
     try:

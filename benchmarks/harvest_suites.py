@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from punnet.harvest.suites import SUITES, Suite
 from punnet.outputs import write_bytes
 from punnet.sim.camera_effects import NIGHT_CAMERA
-from punnet.sim.panda_robot import SimulatedPanda
+from punnet.sim.simulated_robot import SimulatedRobot
 from punnet.sim.world import WorldConfig, build_world
 
 SIZE = (400, 300)
@@ -40,7 +40,7 @@ def first_look(suite: Suite, seed: int) -> NDArray[np.uint8]:
     """Colour picture (H, W, 3) from home."""
     world_seed, config = suite.plant(seed, WorldConfig(arm_visuals=False))
     camera = NIGHT_CAMERA if config.light == "lamp" else None
-    robot = SimulatedPanda(build_world(world_seed, config), np.random.default_rng((seed, 1)), camera=camera)
+    robot = SimulatedRobot(build_world(world_seed, config), np.random.default_rng((seed, 1)), camera=camera)
     try:
         return robot.look().rgb
     finally:

@@ -16,9 +16,9 @@ import numpy as np
 
 from punnet.sim.depth_sensor import StereoDepthModel
 from punnet.sim.layers import ARM_VISUAL
-from punnet.sim.panda_robot import WRIST_CAMERA
 from punnet.sim.picker import CAMERA_NAME
 from punnet.sim.rendering import CameraRenderer
+from punnet.sim.simulated_robot import WRIST_CAMERA
 from punnet.sim.world import TIME_STEP, WorldConfig, build_world
 
 STEPS = 500

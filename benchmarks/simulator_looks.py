@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from punnet.sim import CameraRenderer, SimulatedPanda, StereoDepthModel, World, build_world
+from punnet.sim import CameraRenderer, SimulatedRobot, StereoDepthModel, World, build_world
 from punnet.sim.ripeness import RipenessStage
 
 STAGES = list(RipenessStage)[: RipenessStage.ROTTEN]  # the harvest's plants have none that rot
@@ -45,7 +45,7 @@ def main() -> None:
     while min(len(found) for found in tiles.values()) < COLUMNS:
         world = build_world(seed)
         if len(views) < 2:
-            robot = SimulatedPanda(world, np.random.default_rng(seed), StereoDepthModel())
+            robot = SimulatedRobot(world, np.random.default_rng(seed), StereoDepthModel())
             views.append(robot.look().rgb)
             robot.close()
         with CameraRenderer(world.model, 640, 480) as renderer:

@@ -18,8 +18,8 @@ from scipy.spatial import ConvexHull
 
 from punnet.sim.berry import Berry, make_berry
 from punnet.sim.depth_sensor import StereoDepthModel
-from punnet.sim.panda_robot import SimulatedPanda
 from punnet.sim.ripeness import RipenessStage
+from punnet.sim.simulated_robot import SimulatedRobot
 from punnet.sim.truth import true_strawberries
 from punnet.sim.world import build_world
 from punnet.weight import (
@@ -59,7 +59,7 @@ def judge(seeds: range) -> dict[str, np.ndarray]:
     rows = []
     for seed in seeds:
         world = build_world(seed)
-        robot = SimulatedPanda(world, np.random.default_rng(seed), StereoDepthModel())
+        robot = SimulatedRobot(world, np.random.default_rng(seed), StereoDepthModel())
         frame = robot.look()
         truth = true_strawberries(world, frame, robot.segment())
         robot.close()

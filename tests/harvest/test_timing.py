@@ -6,7 +6,7 @@ import pytest
 from punnet.harvest.timing import TimedRobot
 from punnet.robot import Robot
 from punnet.sim.cluster import ClusterConfig
-from punnet.sim.panda_robot import SimulatedPanda
+from punnet.sim.simulated_robot import SimulatedRobot
 from punnet.sim.world import WorldConfig, build_world
 
 
@@ -37,7 +37,7 @@ def test_what_goes_by_inside_the_robot_is_added_up():
 def test_it_is_a_robot():
     plant = ClusterConfig(trusses=(1, 1), berries=(1, 1), canopy_leaves=(0, 0), hanging_leaves=(0, 0))
     world = build_world(1, WorldConfig(plant, arm_visuals=False))
-    robot = TimedRobot(SimulatedPanda(world, np.random.default_rng(0)))
+    robot = TimedRobot(SimulatedRobot(world, np.random.default_rng(0)))
     assert isinstance(robot, Robot)
     robot.release()
     assert robot.seconds > 0

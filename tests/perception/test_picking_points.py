@@ -6,7 +6,7 @@ import pytest
 from punnet.geometry import CameraIntrinsics
 from punnet.perception.picking_points import berry_axis_depth, locate_picking_points
 from punnet.scene import Frame, Strawberries
-from punnet.sim.panda_robot import SimulatedPanda
+from punnet.sim.simulated_robot import SimulatedRobot
 from punnet.sim.truth import true_strawberries
 from punnet.sim.world import WorldConfig, build_world
 
@@ -14,7 +14,7 @@ CAMERA = CameraIntrinsics(200, 160, 400.0, 400.0, 99.5, 79.5)
 
 
 def test_true_masks_and_keypoints_give_the_point_within_millimetres():
-    robot = SimulatedPanda(build_world(11, WorldConfig(arm_visuals=False)), np.random.default_rng(0))
+    robot = SimulatedRobot(build_world(11, WorldConfig(arm_visuals=False)), np.random.default_rng(0))
     frame = robot.look()
     truth = true_strawberries(robot.world, frame, robot.segment())
     robot.close()

@@ -6,7 +6,7 @@ import pytest
 from punnet.errors import ConfigurationError
 from punnet.sim.camera_effects import NIGHT_CAMERA
 from punnet.sim.cluster import ClusterConfig
-from punnet.sim.panda_robot import SimulatedPanda
+from punnet.sim.simulated_robot import SimulatedRobot
 from punnet.sim.world import WorldConfig, build_world
 
 PLANT = ClusterConfig(trusses=(1, 1), berries=(1, 2), canopy_leaves=(0, 0), hanging_leaves=(0, 0))
@@ -14,7 +14,7 @@ PLANT = ClusterConfig(trusses=(1, 1), berries=(1, 2), canopy_leaves=(0, 0), hang
 
 def first_look(light="day", camera=None):
     world = build_world(4, WorldConfig(PLANT, arm_visuals=False, light=light))
-    robot = SimulatedPanda(world, np.random.default_rng(0), camera=camera)
+    robot = SimulatedRobot(world, np.random.default_rng(0), camera=camera)
     try:
         return world, robot.look()
     finally:

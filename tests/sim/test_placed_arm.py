@@ -9,14 +9,14 @@ from punnet.errors import ConfigurationError
 from punnet.harvest.scenario import ORACLE, Scenario, Session
 from punnet.movement import retime
 from punnet.robot import Panda, load_arm, nearest_solution
-from punnet.sim.panda_robot import SimulatedPanda
 from punnet.sim.placed_arm import place_arm
+from punnet.sim.simulated_robot import SimulatedRobot
 from punnet.sim.world import WorldConfig, build_world
 
 
 @pytest.fixture(scope="module", params=["ur5", "xarm7"])
 def robot(request):
-    robot = SimulatedPanda(
+    robot = SimulatedRobot(
         build_world(3, WorldConfig(arm=request.param, arm_visuals=False)), np.random.default_rng(0)
     )
     yield robot

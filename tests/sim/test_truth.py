@@ -3,14 +3,14 @@ import pytest
 
 from punnet.scene import KEYPOINTS, Visibility
 from punnet.sim.oracle import OracleDetector, OracleScale
-from punnet.sim.panda_robot import SimulatedPanda
+from punnet.sim.simulated_robot import SimulatedRobot
 from punnet.sim.truth import PICKING_HEIGHT, true_picking_points, true_strawberries
 from tests.sim.conftest import small_world
 
 
 @pytest.fixture(scope="module")
 def seen():
-    robot = SimulatedPanda(small_world(), np.random.default_rng(0))
+    robot = SimulatedRobot(small_world(), np.random.default_rng(0))
     frame = robot.look()
     yield robot, frame, true_strawberries(robot.world, frame, robot.segment())
     robot.close()

@@ -25,8 +25,8 @@ from punnet.scene import Frame
 from punnet.sim.camera_effects import NIGHT_CAMERA
 from punnet.sim.depth_sensor import StereoDepthModel
 from punnet.sim.oracle import OracleDetector, OracleScale
-from punnet.sim.panda_robot import SimulatedPanda
 from punnet.sim.punnets import PUNNET_PLACES
+from punnet.sim.simulated_robot import SimulatedRobot
 from punnet.sim.structure import structure_boxes
 from punnet.sim.world import WorldConfig, build_world
 from punnet.weight.choosing import load_weight_estimator
@@ -124,7 +124,7 @@ class Session:
         self.reachable = reachable_berries(self.world)
         noise = np.random.default_rng((scenario.seed, 1))
         camera = NIGHT_CAMERA if config.light == "lamp" else None
-        self.robot = SimulatedPanda(self.world, noise, StereoDepthModel(), camera)
+        self.robot = SimulatedRobot(self.world, noise, StereoDepthModel(), camera)
         self.timed = TimedRobot(self.robot)
         """The robot as the harvester has it."""
         settings = scenario.harvest

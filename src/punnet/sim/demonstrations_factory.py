@@ -38,7 +38,7 @@ from punnet.sim.demonstrations_scene import (
     grow_scene,
     photograph_scene,
 )
-from punnet.sim.panda_robot import WRIST_CAMERA
+from punnet.sim.simulated_robot import WRIST_CAMERA
 
 __all__ = ["SPREADS", "DemonstrationReport", "regrow_scene", "simulate_demonstration_set"]
 

@@ -22,10 +22,10 @@ from punnet.sim.cluster import Cluster, ClusterConfig, grow_cluster
 from punnet.sim.demonstrations import WORKSPACE
 from punnet.sim.depth_sensor import StereoDepthModel
 from punnet.sim.layers import ARM_VISUAL
-from punnet.sim.panda_robot import WRIST_CAMERA
 from punnet.sim.picker import CAMERA_NAME
 from punnet.sim.rendering import CameraRenderer, CameraView
 from punnet.sim.ripeness import RipenessStage
+from punnet.sim.simulated_robot import WRIST_CAMERA
 from punnet.sim.truss import TrussStyle
 from punnet.sim.truth import silhouette, true_strawberries
 from punnet.sim.world import World, WorldConfig, build_world

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from punnet.errors import ShapeError
 from punnet.movement import retime
 from punnet.robot import GuardedRobot, MotionGuard, Panda
-from punnet.sim.panda_robot import SimulatedPanda
+from punnet.sim.simulated_robot import SimulatedRobot
 from punnet.sim.snapshot import restore_snapshot, take_snapshot
 from punnet.sim.structure import structure_boxes
 from punnet.sim.world import World
@@ -59,7 +59,7 @@ class ReachExecutor:
 
     def __init__(self, world: World) -> None:
         self._arm = Panda()
-        self._robot = SimulatedPanda(world, np.random.default_rng(0))
+        self._robot = SimulatedRobot(world, np.random.default_rng(0))
         self._guarded = GuardedRobot(self._robot, MotionGuard(self._arm, structure_boxes(world)))
         self._way: list[NDArray[np.float64]] = []
         self._next = 0.0

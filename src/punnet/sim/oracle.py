@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from punnet.scene import Frame, Strawberries
-from punnet.sim.panda_robot import SimulatedPanda
+from punnet.sim.simulated_robot import SimulatedRobot
 from punnet.sim.truth import true_strawberries
 from punnet.weight import WeightEstimates
 
@@ -17,7 +17,7 @@ class OracleDetector:
 
     name = "oracle"
 
-    def __init__(self, robot: SimulatedPanda) -> None:
+    def __init__(self, robot: SimulatedRobot) -> None:
         self._robot = robot
 
     def detect(self, frame: Frame) -> Strawberries:

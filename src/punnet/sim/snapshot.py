@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from punnet.errors import FileFormatError
-from punnet.sim.panda_robot import SimulatedPanda
+from punnet.sim.simulated_robot import SimulatedRobot
 
 __all__ = ["restore_snapshot", "take_snapshot"]
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION.value
 
 
-def take_snapshot(robot: SimulatedPanda) -> bytes:
+def take_snapshot(robot: SimulatedRobot) -> bytes:
     """A NumPy archive of everything that decides how the world of ``robot`` goes on.
 
     That is MuJoCo's state with controls and warm start, the stems that were cut, the peaks of force so far, and the
@@ -41,7 +41,7 @@ def take_snapshot(robot: SimulatedPanda) -> bytes:
     return stream.getvalue()
 
 
-def restore_snapshot(robot: SimulatedPanda, snapshot: bytes) -> None:
+def restore_snapshot(robot: SimulatedRobot, snapshot: bytes) -> None:
     """Bring the freshly built world of ``robot`` to where :func:`take_snapshot` found it.
 
     Raises

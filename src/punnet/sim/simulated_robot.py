@@ -1,4 +1,4 @@
-"""The simulated Panda behind the :class:`~punnet.robot.Robot` protocol."""
+"""The simulated arm with its picker and camera, behind the :class:`~punnet.robot.Robot` protocol."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from punnet.sim.punnets import PUNNET_PLACES, inside_punnet
 from punnet.sim.rendering import CameraRenderer
 from punnet.sim.world import TIME_STEP, World
 
-__all__ = ["WRIST_CAMERA", "SimulatedPanda"]
+__all__ = ["WRIST_CAMERA", "SimulatedRobot"]
 
 WRIST_CAMERA = CameraIntrinsics(640, 480, 615.0, 615.0, 319.5, 239.5)
 """Colour camera of a D435i at 640×480; depth is aligned to it."""
@@ -48,7 +48,7 @@ _SETTLE_TIME = 0.4
 Observer = Callable[[World], None]
 
 
-class SimulatedPanda:
+class SimulatedRobot:
     """Drives a :class:`World` as a real arm would be driven; knows only what a real one could sense.
 
     Parameters

@@ -20,8 +20,8 @@ from punnet.robot import (
 )
 from punnet.robot.tool import T_FLANGE_CAMERA
 from punnet.scene import Frame, Target
-from punnet.sim.panda_robot import WRIST_CAMERA, SimulatedPanda
 from punnet.sim.punnets import PUNNET_PLACES
+from punnet.sim.simulated_robot import WRIST_CAMERA, SimulatedRobot
 from punnet.sim.truth import true_picking_points
 from tests.sim.conftest import small_world
 
@@ -31,7 +31,7 @@ NOTHING = Frame(np.zeros((8, 8, 3), dtype=np.uint8))
 
 @pytest.fixture
 def robot():
-    with_noise = SimulatedPanda(small_world(5), np.random.default_rng(0))
+    with_noise = SimulatedRobot(small_world(5), np.random.default_rng(0))
     yield with_noise
     with_noise.close()
 
