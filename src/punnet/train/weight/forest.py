@@ -132,6 +132,7 @@ FOREST = ModelSpec(
     config=PlainForestConfig,
     fit=partial(fit, name="forest"),
     load=FeatureModel.load,
+    learns_both=True,
     learns_fast=True,
     thesis={0.05: 28.32, 0.20: 81.36},
 )
@@ -141,6 +142,7 @@ FOREST_PCA = ModelSpec(
     config=ForestPcaConfig,
     fit=partial(fit, name="forest_pca"),
     load=FeatureModel.load,
+    learns_both=True,
     learns_fast=True,
     thesis={0.05: 29.63, 0.20: 81.99},
 )

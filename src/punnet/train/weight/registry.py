@@ -93,6 +93,8 @@ class ModelSpec:
         A trained model from the folder that :meth:`FittedWeightModel.save` filled.
     quick
         Settings of ``--quick`` runs, which must fit all models into an hour on two cores.
+    learns_both
+        Whether it learns from the validation plants too once settings are chosen: then they tell nothing of it.
     learns_fast
         Whether thousands of berries take minutes, so that it can learn from more plants than the others.
     thesis
@@ -105,6 +107,7 @@ class ModelSpec:
     fit: Fit
     load: Callable[[Path], FittedWeightModel]
     quick: Mapping[str, Any] = field(default_factory=dict)
+    learns_both: bool = False
     learns_fast: bool = False
     thesis: Mapping[float, float] = field(default_factory=dict)
 

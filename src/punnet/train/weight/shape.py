@@ -242,6 +242,7 @@ SHAPE = ModelSpec(
     config=ShapeConfig,
     fit=fit,
     load=FeatureModel.load,
+    learns_both=True,
     learns_fast=True,
     quick={"members": 1, "trees": 300, "learning_rate": 0.05, "leaves": (31,), "folds": 4, "networks": 2},
 )

@@ -164,6 +164,7 @@ def train_weight_model(
         ).to_json()
         for masks, seen in tested.items()
         for name, part in (("validation", seen.validation), ("test", seen.test))
+        if name == "test" or not spec.learns_both
     }
     write_text(folder / RESULTS_FILE, as_json(results), force=True)
     if not any((folder / WORK_FOLDER).iterdir()):
