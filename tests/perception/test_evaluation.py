@@ -87,8 +87,10 @@ def test_picking_point_in_space_needs_depth_and_pose(tmp_path: Path) -> None:
     rows = run(set_of(image), answers).to_json()["keypoint_errors"]
     space = [row for row in rows if row["keypoint"] == "picking_point in space"]
     assert [row["berries"] for row in space] == ["all", "pluckable"]
-    # The fruit's axis is taken to lie 25 mm behind the surface, and the stem to be gripped above the top, pixel (40, 25).
-    grip = 0.525 * np.array([0.5 / 100, -4.5 / 100, 1.0]) - np.array([0.0, PICKING_HEIGHT, 0.0])
+    # The fruit's axis is taken to lie 0.87 of 25 mm behind the surface, the stem to be gripped above the top, pixel (40, 25).
+    grip = (0.5 + 0.87 * 0.025) * np.array([0.5 / 100, -4.5 / 100, 1.0]) - np.array(
+        [0.0, PICKING_HEIGHT, 0.0]
+    )
     annotated = 0.55 * np.array([0.5 / 100, -10.5 / 100, 1.0])
     assert space[0]["millimetres"]["median"] == pytest.approx(
         1000 * np.linalg.norm(grip - annotated), abs=0.1

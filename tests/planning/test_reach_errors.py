@@ -94,7 +94,12 @@ def test_a_calibrated_prediction_covers_what_it_says(reaches: Reaches, space: st
             axis=1,
         )
     repeated = replace(
-        many, pictures=many.pictures[rows], boxes=many.boxes[rows], targets=many.targets[rows], ends=ends
+        many,
+        pictures=many.pictures[rows],
+        boxes=many.boxes[rows],
+        targets=many.targets[rows],
+        ends=ends,
+        lights=many.lights[rows],
     )
     summary = reach_errors(found, repeated, space).summary()
     assert summary["coverage"]["0.5"] == pytest.approx(0.5, abs=0.05)
