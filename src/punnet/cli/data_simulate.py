@@ -29,7 +29,8 @@ def simulate(
         str,
         typer.Option(
             "--protocol",
-            help="varied: plants as different as can be. dataset-1: as the thesis' set of weighed berries.",
+            help="varied: plants as different as can be. night: the same under a lamp. "
+            "dataset-1: as the thesis' set of weighed berries.",
         ),
     ] = "varied",
     workers: Annotated[

@@ -17,9 +17,10 @@ from punnet.robot import HOME, T_FLANGE_CAMERA, Panda
 from punnet.sim.cluster import Cluster, ClusterConfig, grow_cluster
 from punnet.sim.demonstrations import WORKSPACE
 from punnet.sim.demonstrations_scene import grow_scene
+from punnet.sim.lighting import Light
 from punnet.sim.ripeness import RipenessStage
 from punnet.sim.truss import TrussStyle
-from punnet.sim.world import Light, WorldConfig
+from punnet.sim.world import WorldConfig
 
 __all__ = ["SUITES", "Suite", "covered_shares", "suite_of", "touching_group"]
 

@@ -6,13 +6,13 @@ Blur is symmetric and at most a few pixels wide, so that masks stay where they a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["NIGHT_CAMERA", "CameraEffects", "apply_effects", "draw_effects"]
+__all__ = ["NIGHT_CAMERA", "CameraEffects", "apply_effects", "draw_effects", "draw_night_effects"]
 
 _METERED_MEAN = 0.42
 _MOST_LIGHT = 1.5  # of the brightest 2% of the picture
@@ -80,6 +80,28 @@ NIGHT_CAMERA = CameraEffects(
     jpeg_quality=None,
 )
 """A camera under a lamp: the gain is up, and with it the noise."""
+
+
+def draw_night_effects(rng: np.random.Generator) -> CameraEffects:
+    """Draw settings about :data:`NIGHT_CAMERA`: other gains, colours and noise, sometimes out of focus or shaken."""
+    exposure, warmth = float(np.exp(rng.normal(0.0, 0.2))), float(np.exp(rng.normal(0.0, 0.05)))
+    red, green, blue = NIGHT_CAMERA.gain
+    speed = float(abs(rng.normal(0.0, 2.0))) if rng.random() < 0.3 else 0.0
+    heading = rng.uniform(0.0, np.pi)
+    noise = float(rng.uniform(0.3, 1.3))
+    return replace(
+        NIGHT_CAMERA,
+        gain=(exposure * red * warmth, exposure * green, exposure * blue / warmth),
+        saturation=float(rng.uniform(0.8, 1.1)),
+        gamma=float(np.exp(rng.normal(0.0, 0.1))),
+        contrast=float(rng.uniform(-0.15, 0.3)),
+        vignette=float(rng.uniform(0.1, 0.5)),
+        defocus=float(rng.uniform(0.3, 0.9)),
+        motion=(min(speed, 4.0) * float(np.cos(heading)), min(speed, 4.0) * float(np.sin(heading))),
+        shot_noise=noise * NIGHT_CAMERA.shot_noise,
+        read_noise=noise * NIGHT_CAMERA.read_noise,
+        jpeg_quality=int(rng.integers(50, 90)) if rng.random() < 0.2 else None,
+    )
 
 
 def draw_effects(rng: np.random.Generator) -> CameraEffects:

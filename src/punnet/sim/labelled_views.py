@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from punnet.geometry import make_transform, rotation_from_vector
 from punnet.scene import Visibility
-from punnet.sim.camera_effects import apply_effects, draw_effects
+from punnet.sim.camera_effects import apply_effects, draw_effects, draw_night_effects
 from punnet.sim.depth_sensor import StereoDepthModel
 from punnet.sim.rendering import CameraRenderer
 from punnet.sim.still_scene import PHOTO_CAMERA, PHOTO_INTRINSICS, StillScene
@@ -69,9 +69,10 @@ def photograph(
 ) -> Iterator[LabelledView]:
     """Take the three views of ``scene``; poses, light in the camera and noise are drawn from ``rng``."""
     sensor = StereoDepthModel()
+    draw = draw_night_effects if scene.light == "lamp" else draw_effects
     for view in VIEWS:
         T, depth, segmentation = _aim(scene, renderer, rng, view)
-        rgb = apply_effects(renderer.render_rgb(scene.data, PHOTO_CAMERA), draw_effects(rng), rng)
+        rgb = apply_effects(renderer.render_rgb(scene.data, PHOTO_CAMERA), draw(rng), rng)
         measured = sensor.apply(depth, rgb, rng)
         yield LabelledView(view, rgb, measured, T, label_berries(scene, T, segmentation))
 

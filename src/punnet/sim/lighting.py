@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["add_lights", "add_varied_lights", "set_night", "set_render_quality"]
+__all__ = ["Light", "add_lights", "add_varied_lights", "set_night", "set_render_quality"]
+
+Light = Literal["day", "lamp"]
+"""The sun, through a tunnel's sheet or not; or night, and a lamp beside the camera."""
 
 _PLANT_CENTRE = np.array((0.75, -0.02, 0.78))
 _LAMP_DISTANCE = 0.48  # metres at which the lamp gives the light that it is said to give
@@ -104,7 +109,7 @@ def add_varied_lights(spec: mujoco.MjSpec, rng: np.random.Generator, target: NDA
 
 
 def set_night(spec: mujoco.MjSpec, rng: np.random.Generator, camera: mujoco.MjsBody) -> None:
-    """Put out the day, and mount a lamp on ``camera``, the body that carries the wrist camera.
+    """Put out the day, and mount a lamp on ``camera``, a body with the flange's frame that carries the camera.
 
     What is left of the day is a faint glow. The lamp is two bars of light above the camera; its light falls with
     the square of the distance, so that the plant is bright and the rows behind it dark.

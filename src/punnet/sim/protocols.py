@@ -10,10 +10,11 @@ import numpy as np
 
 from punnet.errors import ConfigurationError
 from punnet.sim.cluster import Cluster, ClusterConfig
+from punnet.sim.lighting import Light
 from punnet.sim.ripeness import RipenessStage
 from punnet.sim.truss import TrussStyle
 
-__all__ = ["DATASET_1", "MOST_BERRIES", "PROTOCOLS", "VARIED", "Protocol", "protocol_of"]
+__all__ = ["DATASET_1", "MOST_BERRIES", "NIGHT", "PROTOCOLS", "VARIED", "Protocol", "protocol_of"]
 
 MOST_BERRIES = 12
 
@@ -38,6 +39,8 @@ class Protocol:
         Whether a plant will do; another is grown if not.
     draw_targets
         Draws which berries (indices) the camera may aim at.
+    light
+        ``day``: light from anywhere; ``lamp``: at night, by a lamp beside the camera.
     """
 
     name: str
@@ -47,6 +50,7 @@ class Protocol:
     draw_config: Callable[[np.random.Generator], ClusterConfig]
     accepts: Callable[[Cluster], bool]
     draw_targets: Callable[[np.random.Generator, Cluster], tuple[int, ...]]
+    light: Light = "day"
 
 
 def protocol_of(name: str) -> Protocol:
@@ -152,4 +156,7 @@ DATASET_1 = Protocol("dataset-1", 532 * 3, (1,), "set", _draw_dataset_1, _has_ri
 """The thesis' Dataset-1 (section 3.3.1): 532 sets of a few berries, most of them ripe, each taken from three distances, the
 nearest showing one ripe berry: about 1,900 weighed berries in 1,596 images."""
 
-PROTOCOLS = {protocol.name: protocol for protocol in (VARIED, DATASET_1)}
+NIGHT = Protocol("night", 300, (2,), "night", _draw_varied, _has_berries, _any_berry, "lamp")
+"""The plants of :data:`VARIED`, at night under a lamp beside a camera with its gain up."""
+
+PROTOCOLS = {protocol.name: protocol for protocol in (VARIED, DATASET_1, NIGHT)}

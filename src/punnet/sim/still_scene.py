@@ -12,11 +12,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from punnet.geometry import CameraIntrinsics
+from punnet.geometry import CameraIntrinsics, invert_transform
+from punnet.robot.tool import T_FLANGE_CAMERA
 from punnet.sim.backdrops import FAR_VIEWS, NEAR_SURFACES, Painter
 from punnet.sim.cluster import Cluster, grow_cluster
 from punnet.sim.layers import SCENERY, TOUCHES_NOTHING
-from punnet.sim.lighting import add_lights, add_varied_lights, set_render_quality
+from punnet.sim.lighting import Light, add_lights, add_varied_lights, set_night, set_render_quality
 from punnet.sim.mesh_assets import MeshAsset
 from punnet.sim.orientation import mujoco_quaternion
 from punnet.sim.plant import PlantedBerry, add_cluster, add_drawn_mesh, add_leaves, add_petiole, leaf_pose
@@ -36,6 +37,8 @@ SETTINGS = {"tunnel": 0.30, "gutter": 0.15, "bed": 0.33, "open": 0.22}
 behind the fruit; nothing but a painted view."""
 
 _LAYOUT = SceneryLayout()
+_LAMP = "lamp"  # the body that carries the lamp where the camera goes
+_T_CAMERA_FLANGE = invert_transform(T_FLANGE_CAMERA)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +51,8 @@ class StillScene:
         Which of :data:`SETTINGS` surrounds it.
     targets
         Indices of the berries that a camera may aim at.
+    light
+        The protocol's.
     """
 
     model: mujoco.MjModel
@@ -56,6 +61,7 @@ class StillScene:
     planted: list[PlantedBerry]
     setting: str
     targets: tuple[int, ...]
+    light: Light
 
     @property
     def berries(self) -> int:
@@ -76,6 +82,11 @@ class StillScene:
         self.model.cam_pos[number] = T_base_camera[:3, 3]
         # MuJoCo's cameras look along −z with y up, the optical frame along z with y down.
         self.model.cam_quat[number] = mujoco_quaternion(T_base_camera[:3, :3] * (1.0, -1.0, -1.0))
+        if self.light == "lamp":
+            T = T_base_camera @ _T_CAMERA_FLANGE
+            self.model.body(_LAMP).pos = T[:3, 3]
+            self.model.body(_LAMP).quat = mujoco_quaternion(T[:3, :3])
+            mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
 
 
@@ -99,6 +110,8 @@ def build_still_scene(rng: np.random.Generator, protocol: Protocol = VARIED) -> 
         add_lights(spec, rng)
     else:
         add_varied_lights(spec, rng, np.mean([berry.centre for berry in cluster.berries], axis=0))
+    if protocol.light == "lamp":
+        set_night(spec, rng, spec.worldbody.add_body(name=_LAMP))
     fovy = float(np.degrees(2.0 * np.arctan(PHOTO_INTRINSICS.height / 2.0 / PHOTO_INTRINSICS.fy)))
     spec.worldbody.add_camera(name=PHOTO_CAMERA, fovy=fovy)
     spec.visual.global_.offwidth = PHOTO_INTRINSICS.width
@@ -107,7 +120,7 @@ def build_still_scene(rng: np.random.Generator, protocol: Protocol = VARIED) -> 
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_camlight(model, data)
-    return StillScene(model, data, cluster, planted, setting, targets)
+    return StillScene(model, data, cluster, planted, setting, targets, protocol.light)
 
 
 def _tint_plant(spec: mujoco.MjSpec, rng: np.random.Generator) -> None:

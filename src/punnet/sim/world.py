@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import get_args
 
 import mujoco
 import numpy as np
@@ -15,7 +15,7 @@ from punnet.robot.tool import GRIP_OPENING
 from punnet.sim.cluster import Cluster, ClusterConfig, grow_cluster
 from punnet.sim.contacts import ContactMonitor
 from punnet.sim.layers import SCENERY, STRUCTURE
-from punnet.sim.lighting import set_night
+from punnet.sim.lighting import Light, set_night
 from punnet.sim.orientation import mujoco_quaternion
 from punnet.sim.picker import CAMERA_NAME, add_picker
 from punnet.sim.placed_arm import PlacedArm, place_arm
@@ -23,9 +23,7 @@ from punnet.sim.plant import PlantedBerry, add_cluster, add_leaves
 from punnet.sim.punnets import add_punnets
 from punnet.sim.scenery import add_scenery
 
-__all__ = ["OVERVIEW_CAMERA", "Light", "World", "WorldConfig", "build_world"]
-
-Light = Literal["day", "lamp"]
+__all__ = ["OVERVIEW_CAMERA", "World", "WorldConfig", "build_world"]
 
 OVERVIEW_CAMERA = "overview"
 TIME_STEP = 0.002
