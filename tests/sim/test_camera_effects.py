@@ -5,7 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from punnet.sim.camera_effects import CameraEffects, apply_effects, draw_effects
+from punnet.sim.camera_effects import (
+    NIGHT_CAMERA,
+    CameraEffects,
+    apply_effects,
+    draw_effects,
+    draw_night_effects,
+)
 
 NOTHING = CameraEffects(
     gain=(1.0, 1.0, 1.0),
@@ -86,3 +92,13 @@ def test_drawn_settings_are_repeatable_and_keep_a_picture_a_picture(picture):
         assert done.shape == picture.shape
         assert done.dtype == np.uint8
         assert done.std() > 5
+
+
+def test_night_cameras_lie_about_the_one_of_the_harvest():
+    drawn = [draw_night_effects(np.random.default_rng(seed)) for seed in range(200)]
+    for name in ("saturation", "gamma", "vignette", "defocus", "shot_noise", "read_noise"):
+        values = [getattr(effects, name) for effects in drawn]
+        assert min(values) < getattr(NIGHT_CAMERA, name) < max(values)
+    gains = np.log([effects.gain for effects in drawn]) - np.log(NIGHT_CAMERA.gain)
+    np.testing.assert_allclose(gains.mean(axis=0), 0.0, atol=0.06)
+    assert draw_night_effects(np.random.default_rng(3)) == drawn[3]

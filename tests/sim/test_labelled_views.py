@@ -7,6 +7,7 @@ from punnet.geometry import invert_transform, project, transform_points
 from punnet.scene import KEYPOINTS, Visibility
 from punnet.sim.gl_context import make_gl_context
 from punnet.sim.labelled_views import VIEWS, draw_pose, label_berries, photograph
+from punnet.sim.protocols import NIGHT
 from punnet.sim.rendering import CameraRenderer
 from punnet.sim.still_scene import PHOTO_CAMERA, PHOTO_INTRINSICS, build_still_scene
 from punnet.sim.truth import shown_berries, silhouette, true_keypoints, true_picking_points
@@ -172,3 +173,16 @@ def test_scenes_have_one_to_twelve_berries_and_all_their_kinds_of_surroundings()
     assert all(1 <= scene.berries <= 12 for scene in scenes)
     assert len({scene.setting for scene in scenes}) >= 3
     assert len({scene.berries for scene in scenes}) >= 4
+
+
+def test_at_night_the_lamp_goes_with_the_camera(context):
+    rng = np.random.default_rng(8)
+    scene = build_still_scene(rng, NIGHT)
+    with CameraRenderer(scene.model, 640, 480, shared_context=context) as renderer:
+        for view in VIEWS:
+            scene.place_camera(draw_pose(scene, rng, view, 0))
+            rgb = renderer.render_rgb(scene.data, PHOTO_CAMERA).astype(float)
+            _, segmentation = renderer.render_geometry(scene.data, PHOTO_CAMERA)
+            fruit = shown_berries(scene, segmentation) >= 0
+            assert fruit.sum() > 200
+            assert rgb[fruit].mean() > 60  # the lamp shines on what the camera looks at, from wherever it looks

@@ -12,7 +12,7 @@ import pytest
 from punnet.errors import ConfigurationError
 from punnet.sim.berry import make_berry
 from punnet.sim.cluster import Cluster, grow_cluster
-from punnet.sim.protocols import DATASET_1, PROTOCOLS, VARIED, Protocol, protocol_of
+from punnet.sim.protocols import DATASET_1, NIGHT, PROTOCOLS, VARIED, Protocol, protocol_of
 from punnet.sim.ripeness import RipenessStage
 from punnet.sim.simulated_folder import describe
 
@@ -55,6 +55,11 @@ def test_a_seed_gives_other_plants_under_each_protocol_and_describes_itself() ->
     assert plain["command"] == "punnet data simulate --images 6 --seed 4"
     assert first["protocol"] == "dataset-1"
     assert first["command"] == "punnet data simulate --protocol dataset-1 --images 6 --seed 4"
+
+
+def test_night_alone_is_under_a_lamp_and_says_so() -> None:
+    assert [protocol.name for protocol in PROTOCOLS.values() if protocol.light == "lamp"] == ["night"]
+    assert describe(6, 4, NIGHT)["command"] == "punnet data simulate --protocol night --images 6 --seed 4"
 
 
 def test_an_unknown_protocol_is_named() -> None:

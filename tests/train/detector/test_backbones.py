@@ -18,7 +18,7 @@ from punnet.data.dataset import AnnotatedImage  # noqa: E402
 from punnet.errors import ConfigurationError  # noqa: E402
 from punnet.perception.decoding import decode_detections  # noqa: E402
 from punnet.perception.network import Network, RawDetections  # noqa: E402
-from punnet.train.detector.backbones import build_trunk  # noqa: E402
+from punnet.train.detector.backbones import WideDepthwise, build_trunk  # noqa: E402
 from punnet.train.detector.config import BACKBONES, Backbone, DetectorConfig  # noqa: E402
 from punnet.train.detector.export import export_onnx  # noqa: E402
 from punnet.train.detector.network import BerryDetector, count_parameters  # noqa: E402
@@ -307,3 +307,17 @@ def test_the_stem_from_imagenet_is_not_trained() -> None:
     assert norms
     assert not any(norm.training for norm in norms)
     assert network.heads.training
+
+
+@pytest.mark.parametrize("backbone", ["efficientnet_lite0_fpn", "mobilenet_v3_large_fpn"])
+def test_wide_depthwise_convolutions_are_trained_in_single_precision(backbone: Backbone) -> None:
+    body = build_trunk(DetectorConfig.for_backbone(backbone, pretrained=False)).body
+    wide = [m for m in body.modules() if isinstance(m, torch.nn.Conv2d) and m.kernel_size == (5, 5)]
+    assert len(wide) > 4
+    assert all(isinstance(convolution, WideDepthwise) for convolution in wide)
+    maps = torch.randn(1, wide[0].in_channels, 8, 8)
+    exact = wide[0](maps)
+    with torch.autocast("cpu", dtype=torch.bfloat16):
+        torch.testing.assert_close(wide[0](maps.bfloat16().float()), wide[0](maps.bfloat16()))
+        assert wide[0](maps).dtype == torch.float32
+        torch.testing.assert_close(wide[0](maps), exact)
