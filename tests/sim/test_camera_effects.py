@@ -13,21 +13,7 @@ from punnet.sim.camera_effects import (
     draw_night_effects,
 )
 
-NOTHING = CameraEffects(
-    gain=(1.0, 1.0, 1.0),
-    metering=0.0,
-    saturation=1.0,
-    gamma=1.0,
-    contrast=0.0,
-    haze=0.0,
-    haze_colour=(1.0, 1.0, 1.0),
-    vignette=0.0,
-    defocus=0.0,
-    motion=(0.0, 0.0),
-    shot_noise=0.0,
-    read_noise=0.0,
-    jpeg_quality=None,
-)
+NOTHING = CameraEffects()
 
 
 @pytest.fixture(scope="module")

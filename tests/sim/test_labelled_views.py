@@ -185,4 +185,6 @@ def test_at_night_the_lamp_goes_with_the_camera(context):
             _, segmentation = renderer.render_geometry(scene.data, PHOTO_CAMERA)
             fruit = shown_berries(scene, segmentation) >= 0
             assert fruit.sum() > 200
-            assert rgb[fruit].mean() > 60  # the lamp shines on what the camera looks at, from wherever it looks
+            assert (
+                rgb[fruit].mean() > 60
+            )  # the lamp shines on what the camera looks at, from wherever it looks

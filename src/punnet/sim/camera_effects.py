@@ -21,7 +21,7 @@ _SHOULDER, _BRIGHTEST = 0.7, 2.5
 
 @dataclass(frozen=True)
 class CameraEffects:
-    """One picture's settings.
+    """One picture's settings; the defaults leave it as it was rendered.
 
     Parameters
     ----------
@@ -49,35 +49,23 @@ class CameraEffects:
         Of a first compression inside the camera; None for none.
     """
 
-    gain: tuple[float, float, float]
-    metering: float
-    saturation: float
-    gamma: float
-    contrast: float
-    haze: float
-    haze_colour: tuple[float, float, float]
-    vignette: float
-    defocus: float
-    motion: tuple[float, float]
-    shot_noise: float
-    read_noise: float
-    jpeg_quality: int | None
+    gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    metering: float = 0.0
+    saturation: float = 1.0
+    gamma: float = 1.0
+    contrast: float = 0.0
+    haze: float = 0.0
+    haze_colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    vignette: float = 0.0
+    defocus: float = 0.0
+    motion: tuple[float, float] = (0.0, 0.0)
+    shot_noise: float = 0.0
+    read_noise: float = 0.0
+    jpeg_quality: int | None = None
 
 
 NIGHT_CAMERA = CameraEffects(
-    gain=(1.15, 1.12, 1.05),
-    metering=0.0,
-    saturation=0.95,
-    gamma=1.0,
-    contrast=0.0,
-    haze=0.0,
-    haze_colour=(1.0, 1.0, 1.0),
-    vignette=0.3,
-    defocus=0.5,
-    motion=(0.0, 0.0),
-    shot_noise=9.0,
-    read_noise=5.0,
-    jpeg_quality=None,
+    gain=(1.15, 1.12, 1.05), saturation=0.95, vignette=0.3, defocus=0.5, shot_noise=9.0, read_noise=5.0
 )
 """A camera under a lamp: the gain is up, and with it the noise."""
 

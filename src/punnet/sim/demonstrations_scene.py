@@ -218,18 +218,5 @@ def photograph_scene(scene: DemonstrationScene, rng: np.random.Generator) -> Fra
 
 def _draw_light(rng: np.random.Generator) -> CameraEffects:
     gain = np.exp(rng.normal(0.0, 0.05) + rng.normal(0.0, 0.015, 3))
-    return CameraEffects(
-        gain=(float(gain[0]), float(gain[1]), float(gain[2])),
-        metering=0.0,
-        saturation=1.0,
-        gamma=1.0,
-        contrast=0.0,
-        haze=0.0,
-        haze_colour=(1.0, 1.0, 1.0),
-        vignette=0.0,
-        defocus=0.0,
-        motion=(0.0, 0.0),
-        shot_noise=2.0,
-        read_noise=1.0,
-        jpeg_quality=None,
-    )
+    colour = (float(gain[0]), float(gain[1]), float(gain[2]))
+    return CameraEffects(gain=colour, shot_noise=2.0, read_noise=1.0)
