@@ -15,6 +15,7 @@ from punnet.bundle import load_bundle  # noqa: E402
 from punnet.errors import ConfigurationError, OutputExistsError  # noqa: E402
 from punnet.perception import LearnedDetector  # noqa: E402
 from punnet.perception.decoding import decode_detections  # noqa: E402
+from punnet.perception.evaluation import EVALUATION_SCHEMA  # noqa: E402
 from punnet.perception.learned import prepare  # noqa: E402
 from punnet.scene import Frame  # noqa: E402
 from punnet.train.detector.bundling import Terms, bundle_run, network_of_checkpoint  # noqa: E402
@@ -34,13 +35,28 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "run"
 
 
+EVALUATION = {
+    "schema": EVALUATION_SCHEMA,
+    "images": 3,
+    "classes": [
+        {
+            "class": "pluckable",
+            "truths": 7,
+            "mask_ap": {"0.5": 0.123456, "0.9": None},
+            "mask_ap_50_95": 1 / 3,
+            "keypoint_ap": {"0.1": 1},
+            "curves": [0.5] * 101,
+        }
+    ],
+    "worst": ["a.jpg"],
+}
 TERMS = Terms("CC-BY-4.0", "for berries only", "Somebody, 2026")
 
 
 @pytest.fixture(scope="module")
 def model(run: Path) -> Path:
     folder = run.with_name("model")
-    bundle_run(run, folder, name="mine", terms=TERMS, results={"set": {"ap": 0.1}})
+    bundle_run(run, folder, name="mine", terms=TERMS, results={"set": {"ap": 0.1}, "measured": EVALUATION})
     return folder
 
 
@@ -49,6 +65,11 @@ def test_a_bundle_finds_what_its_checkpoint_finds(run: Path, model: Path) -> Non
     assert (manifest.kind, manifest.name, manifest.licence) == ("detector", "mine", "CC-BY-4.0")
     assert (manifest.restriction, manifest.citation) == ("for berries only", "Somebody, 2026")
     assert manifest.results["set"] == {"ap": 0.1}
+    (scores,) = manifest.results["measured"].pop("classes")
+    assert manifest.results["measured"] == {"images": 3}
+    assert scores["mask_ap"] == {"0.5": 0.1235, "0.9": None}
+    assert scores["mask_ap_50_95"] == 0.3333
+    assert scores.keys() == {"class", "truths", "mask_ap", "mask_ap_50_95", "keypoint_ap"}
     assert manifest.seed == 0
     assert manifest.data["run"]["training"]["steps"] == 1
     detector = LearnedDetector.from_bundle(model, threads=1, score_threshold=0.06)

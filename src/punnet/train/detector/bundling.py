@@ -15,6 +15,7 @@ from punnet.bundle import Manifest, write_bundle
 from punnet.bundle.manifest import MANIFEST_FILE
 from punnet.errors import ConfigurationError
 from punnet.outputs import OutputFolder
+from punnet.perception.evaluation import EVALUATION_SCHEMA
 from punnet.perception.learned import DETECTOR_FILE, MODEL_FILE
 from punnet.train.detector.config import DetectorConfig, config_from_json
 from punnet.train.detector.export import export_onnx
@@ -23,6 +24,8 @@ from punnet.train.detector.training import CHECKPOINTS, CONFIG_FILE, LAST
 from punnet.train.detector.validation import detector_settings
 
 __all__ = ["Terms", "bundle_run", "network_of_checkpoint"]
+
+_HEADLINE = ("class", "truths", "mask_ap", "mask_ap_50_95", "keypoint_ap")
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,8 @@ def bundle_run(
         Where the bundle goes.
     name, terms, results
         For the manifest. Where ``terms`` restricts nothing or cites nothing, the restriction and the citation of the
-        bundle that the run started from are kept.
+        bundle that the run started from are kept. Of an evaluation, average precision by class goes into the manifest; the
+        rest stays in its file.
     command
         How the model was trained; by default told from the run's settings.
     force
@@ -107,9 +111,25 @@ def bundle_run(
             command=command or "punnet train detector, settings under data.run of this manifest",
             seed=settings["training"]["seed"],
             data={"run": settings},
-            results=results,
+            results={of: _headline(result) for of, result in results.items()},
             force=force,
         )
+
+
+def _headline(result: Any) -> Any:
+    """Images and average precision by class of what ``punnet evaluate detector`` wrote; anything else as it is."""
+    if not (isinstance(result, dict) and result.get("schema") == EVALUATION_SCHEMA):
+        return result
+    return {
+        "images": result["images"],
+        "classes": [{name: _rounded(scores[name]) for name in _HEADLINE} for scores in result["classes"]],
+    }
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _rounded(one) for name, one in value.items()}
+    return round(value, 4) if isinstance(value, float) else value
 
 
 def _kept_terms(terms: Terms, start: object) -> Terms:
