@@ -121,8 +121,11 @@ def _headline(result: Any) -> Any:
     if not (isinstance(result, dict) and result.get("schema") == EVALUATION_SCHEMA):
         return result
     return {
-        "images": result["images"],
-        "classes": [{name: _rounded(scores[name]) for name in _HEADLINE} for scores in result["classes"]],
+        "images": result.get("images"),
+        "classes": [
+            {name: _rounded(scores[name]) for name in _HEADLINE if name in scores}
+            for scores in result.get("classes", [])
+        ],
     }
 
 
