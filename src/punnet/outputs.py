@@ -5,12 +5,24 @@ from __future__ import annotations
 import json
 import shutil
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 
 from punnet.errors import OutputError, OutputExistsError
 
-__all__ = ["MARKER_FILE", "Interrupted", "OutputFolder", "replace_folder", "write_bytes", "write_text"]
+__all__ = [
+    "MARKER_FILE",
+    "Interrupted",
+    "OutputFolder",
+    "mark",
+    "replace_folder",
+    "staging_beside",
+    "told_folder_errors",
+    "write_bytes",
+    "write_text",
+]
 
 MARKER_FILE = ".punnet-output.json"
 """Marks a folder as made by Punnet; ``force`` replaces no other."""
@@ -72,20 +84,10 @@ class OutputFolder:
         self.pieces += 1
 
     def __enter__(self) -> OutputFolder:
-        try:
+        with told_folder_errors(self._shown):
             self.require_replaceable()
-            self.folder.parent.mkdir(parents=True, exist_ok=True)
-            self._staging = Path(tempfile.mkdtemp(prefix=f".{self.folder.name}-", dir=self.folder.parent))
-            self._staging.chmod(0o755)
+            self._staging = staging_beside(self.folder)
             self._mark(self._staging, complete=False)
-        except (FileExistsError, NotADirectoryError) as error:
-            raise OutputError(
-                f"{self._shown}: can't be made, a file stands where a folder is needed; give another folder"
-            ) from error
-        except OSError as error:
-            raise OutputError(
-                f"{self._shown}: can't be written ({error.strerror}); give another folder"
-            ) from error
         return self
 
     def __exit__(
@@ -105,8 +107,7 @@ class OutputFolder:
 
     def _mark(self, staging: Path, *, complete: bool) -> None:
         if self._marker == MARKER_FILE:
-            text = json.dumps({"made_by": "punnet", "complete": complete})
-            (staging / MARKER_FILE).write_text(text + "\n")
+            (staging / MARKER_FILE).write_bytes(mark(complete=complete))
 
     def require_replaceable(self) -> None:
         """Refuse a folder that stands in the way: on entering, or before long work whose result goes there.
@@ -135,6 +136,32 @@ class OutputFolder:
                 return None
         replace_folder(place, staging)
         return place
+
+
+def mark(*, complete: bool) -> bytes:
+    """What stands in :data:`MARKER_FILE`."""
+    return json.dumps({"made_by": "punnet", "complete": complete}).encode() + b"\n"
+
+
+@contextmanager
+def told_folder_errors(folder: str | Path) -> Iterator[None]:
+    """Inside, whatever keeps ``folder`` from being made is an :class:`OutputError` that names it as given."""
+    try:
+        yield
+    except (FileExistsError, NotADirectoryError) as error:
+        raise OutputError(
+            f"{folder}: can't be made, a file stands where a folder is needed; give another folder"
+        ) from error
+    except OSError as error:
+        raise OutputError(f"{folder}: can't be written ({error.strerror}); give another folder") from error
+
+
+def staging_beside(folder: Path) -> Path:
+    """A new empty folder with a hidden name beside ``folder``, which :func:`replace_folder` moves there."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    staging = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    staging.chmod(0o755)
+    return staging
 
 
 def write_text(path: str | Path, text: str, *, force: bool = False) -> Path:

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import json
 import shutil
-import tempfile
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from punnet.errors import FileFormatError, OutputError, OutputExistsError
 from punnet.harvest.durable import AppendOnlyLog, read_lines, write_durably
-from punnet.outputs import MARKER_FILE, Interrupted, OutputFolder, replace_folder
+from punnet.outputs import (
+    MARKER_FILE,
+    Interrupted,
+    OutputFolder,
+    mark,
+    replace_folder,
+    staging_beside,
+    told_folder_errors,
+)
 
 __all__ = ["LOG_FILE", "LOG_SCHEMA", "HarvestFolder", "options_of"]
 
@@ -73,11 +80,9 @@ class HarvestFolder:
     def __enter__(self) -> HarvestFolder:
         if not self.resume:
             self._begin()
-        try:
+        with told_folder_errors(self._shown):
             self.resume_path.mkdir(exist_ok=True)
             self._log = AppendOnlyLog(self.path / LOG_FILE)
-        except OSError as error:
-            raise OutputError(f"{self._shown}: can't be written ({error.strerror})") from error
         if self.resume:
             self.keep()
         return self
@@ -124,25 +129,14 @@ class HarvestFolder:
             raise
         if self.path != self.folder and self.path.exists() and not (self.path / MARKER_FILE).is_file():
             raise OutputExistsError(f"{self.path}: is in the way and was not made by punnet; move it")
-        try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            staging = Path(tempfile.mkdtemp(prefix=f".{self.path.name}-", dir=self.path.parent))
-            staging.chmod(0o755)
+        with told_folder_errors(self._shown):
+            staging = staging_beside(self.path)
             self._mark(staging, complete=False)
             replace_folder(self.path, staging)  # it is never there without its mark
-        except (FileExistsError, NotADirectoryError) as error:
-            raise OutputError(
-                f"{self._shown}: can't be made, a file stands where a folder is needed; give another folder"
-            ) from error
-        except OSError as error:
-            raise OutputError(
-                f"{self._shown}: can't be written ({error.strerror}); give another folder"
-            ) from error
 
     @staticmethod
     def _mark(place: Path, *, complete: bool) -> None:
-        text = json.dumps({"made_by": "punnet", "complete": complete})
-        write_durably(place / MARKER_FILE, text.encode() + b"\n")
+        write_durably(place / MARKER_FILE, mark(complete=complete))
 
 
 def options_of(folder: str | Path) -> dict[str, Any]:
