@@ -108,7 +108,7 @@ def test_same_bytes_whatever_interrupts_it(folder: Path, tmp_path: Path) -> None
 def test_folders_of_others_are_left_alone(tmp_path: Path) -> None:
     (tmp_path / "thesis.txt").write_text("the only copy")
     for force in (False, True):
-        with pytest.raises(OutputExistsError, match="holds no demonstrations"):
+        with pytest.raises(OutputExistsError, match="is no set of demonstrations"):
             simulate_demonstration_set(tmp_path, configurations=1, repeats=1, force=force)
     (tmp_path / "demonstrations.json").write_text(json.dumps({"schema": "other"}))
     with pytest.raises(FileFormatError, match="no description"):

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 from typing import Any
 
-from punnet.errors import FileFormatError, OutputError, OutputExistsError
+from punnet.errors import FileFormatError
 from punnet.harvest.benchmark_picture import draw_outcomes
 from punnet.harvest.benchmark_plants import PlantResult
-from punnet.outputs import MARKER_FILE, write_bytes, write_text
+from punnet.outputs import MARKER_FILE, mark, write_bytes, write_text
+from punnet.sim.growing_folder import open_folder
 
 __all__ = ["FIGURES", "PICTURE", "SCHEMA", "BenchmarkFolder", "read_figures"]
 
@@ -42,34 +42,14 @@ class BenchmarkFolder:
         ------
         OutputExistsError
             If it was begun with other settings and ``force`` is not set, or is something else.
+        FileFormatError
+            If it is damaged, or of another version.
         OutputError
             If it can't be made.
         """
-        place = self.folder
-        if place.exists() and not place.is_dir():
-            raise OutputError(f"{place}: a file stands where a folder is needed; give another folder")
-        found = _read(place / _SETTINGS) if (place / _SETTINGS).is_file() else None
-        if found is None and place.is_dir() and any(place.iterdir()):
-            raise OutputExistsError(f"{place}: exists and is no harvest benchmark; give another folder")
-        if found is not None and force:
-            shutil.rmtree(place)
-            found = None
-        if found is not None:
-            other = [
-                name for name in {**self.settings, **found} if self.settings.get(name) != found.get(name)
-            ]
-            if other:
-                was = ", ".join(f"{name} {found.get(name, 'not given')!r}" for name in other)
-                raise OutputExistsError(
-                    f"{place}: was begun with {was}; go on with the same, give another folder, or --force"
-                )
-            return
-        try:
-            (place / _PLANTS).mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(f"{place}: can't be written ({error.strerror}); give another folder") from error
-        _write(place / MARKER_FILE, {"made_by": "punnet", "complete": False})
-        _write(place / _SETTINGS, self.settings)
+        open_folder(
+            self.folder, _SETTINGS, self.settings, what="harvest benchmark", parts=[_PLANTS], force=force
+        )
 
     def results(self) -> dict[int, PlantResult]:
         """The plants that are done, by number.
@@ -92,7 +72,7 @@ class BenchmarkFolder:
         """Write the figures and the picture of all that was asked for."""
         _write(self.folder / FIGURES, figures)
         write_bytes(self.folder / PICTURE, draw_outcomes([figures]), force=True)
-        _write(self.folder / MARKER_FILE, {"made_by": "punnet", "complete": True})
+        write_bytes(self.folder / MARKER_FILE, mark(complete=True), force=True)
 
 
 def read_figures(folder: str | Path) -> dict[str, Any]:

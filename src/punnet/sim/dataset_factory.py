@@ -25,7 +25,7 @@ from punnet.sim.simulated_folder import (
     complete,
     describe,
     is_finished,
-    open_folder,
+    open_set,
     write_shard,
     write_view,
 )
@@ -73,7 +73,7 @@ def simulate_dataset(
     ConfigurationError
         If a number is out of range, or Ray is asked for and not installed.
     OutputExistsError
-        If the folder is complete, was made with other settings, or was not made by Punnet.
+        If the folder is complete, was begun with other settings, or was not made by Punnet.
     """
     kind = protocol_of(protocol)
     images = kind.images if images is None else images
@@ -84,7 +84,7 @@ def simulate_dataset(
     require_backend("simulate", backend)
     place = Path(folder).expanduser().absolute()
     description = describe(images, seed, kind)
-    open_folder(place, description, force)
+    open_set(place, description, force=force)
     plants = math.ceil(images / len(VIEWS))
     missing = [plant for plant in range(plants) if not is_finished(place, plant)]
     kept = sum(_views_of(plant, images) for plant in range(plants)) - sum(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +11,21 @@ import numpy as np
 from punnet.data.demos import DemonstrationSet, Episode, Photograph, PictureFile, Trajectory, as_poses
 from punnet.data.demos.punnet_folder import DESCRIPTION, SCHEMA, TRAJECTORIES
 from punnet.data.demos.punnet_writer import describe_episodes, trajectory_archive
-from punnet.errors import FileFormatError, OutputError, OutputExistsError
-from punnet.outputs import MARKER_FILE
+from punnet.outputs import write_bytes
 from punnet.robot import JOINT_NAMES
 from punnet.scene import Frame, Target
-from punnet.sim.growing_folder import DEPTH_UNIT, json_bytes, write_pictures, write_whole
+from punnet.sim.growing_folder import (
+    DEPTH_UNIT,
+    PICTURES_AND_SHARDS,
+    finish_folder,
+    json_bytes,
+    open_folder,
+    shard_path,
+    write_pictures,
+)
 
 __all__ = ["FolderOfReaches"]
 
-_SHARDS = ".plants"
 _POSES_OF = "flange"
 
 
@@ -46,60 +51,25 @@ class FolderOfReaches:
         ------
         OutputExistsError
             If it is complete and ``force`` not set, was begun with other settings, or is something else.
+        FileFormatError
+            If it is damaged.
         OutputError
             If it can't be made.
         """
-        place = self.folder
-        if place.exists() and not place.is_dir():
-            raise OutputError(f"{place}: a file stands where a folder is needed; give another folder")
-        found = self._found()
-        if found is None and place.is_dir() and any(place.iterdir()):
-            raise OutputExistsError(f"{place}: exists and holds no demonstrations; give another folder")
-        if found is not None and force:
-            shutil.rmtree(place)
-            found = None
-        if found is not None:
-            self._require_same(found)
-            return
-        try:
-            for name in ("rgb", "depth", _SHARDS):
-                (place / name).mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(f"{place}: can't be written ({error.strerror}); give another folder") from error
-        write_whole(place / MARKER_FILE, json_bytes({"made_by": "punnet", "complete": False}))
         begun = {"schema": SCHEMA, "complete": False, "info": self.settings, "episodes": []}
-        write_whole(place / DESCRIPTION, json_bytes(begun))
-
-    def _found(self) -> dict[str, Any] | None:
-        path = self.folder / DESCRIPTION
-        if not path.is_file():
-            return None
-        try:
-            found = json.loads(path.read_text())
-        except ValueError as error:
-            raise FileFormatError(f"{path}: not readable as JSON ({error}); remove the folder") from error
-        if not isinstance(found, dict) or found.get("schema") != SCHEMA:
-            raise FileFormatError(f"{path}: no description of demonstrations ({SCHEMA}); give another folder")
-        return found
-
-    def _require_same(self, found: dict[str, Any]) -> None:
-        if found.get("complete"):
-            raise OutputExistsError(
-                f"{self.folder}: is complete; give another folder or --force to make it anew"
-            )
-        info = found.get("info")
-        info = info if isinstance(info, dict) else {}
-        other = [name for name, value in self.settings.items() if info.get(name) != value]
-        other = [name for name in other if name != "command"] or other  # it says the same in one line
-        if other:
-            was = ", ".join(f"{name} {info.get(name)!r}" for name in other)
-            raise OutputExistsError(
-                f"{self.folder}: was begun with {was}; go on with the same, give another folder, or --force"
-            )
+        open_folder(
+            self.folder,
+            DESCRIPTION,
+            begun,
+            what="set of demonstrations",
+            parts=PICTURES_AND_SHARDS,
+            force=force,
+            under="info",
+        )
 
     def has(self, plant: int) -> bool:
         """Whether a plant's episodes are all there."""
-        return self._shard(plant).is_file()
+        return shard_path(self.folder, plant).is_file()
 
     def write_photograph(self, name: str, frame: Frame) -> dict[str, Any]:
         """Write colour and depth; the photograph's entry of the shard."""
@@ -118,24 +88,24 @@ class FolderOfReaches:
 
     def write_shard(self, plant: int, episodes: list[dict[str, Any]]) -> None:
         """Write a plant's episodes: from then on it counts as finished."""
-        write_whole(self._shard(plant), json.dumps(episodes, allow_nan=False).encode())
+        write_bytes(
+            shard_path(self.folder, plant), json.dumps(episodes, allow_nan=False).encode(), force=True
+        )
 
     def complete(self, plants: int) -> None:
         """Join the shards, in the order of the plants."""
         episodes, photographs = [], []
         for plant in range(plants):
-            for entry in json.loads(self._shard(plant).read_text()):
+            for entry in json.loads(shard_path(self.folder, plant).read_text()):
                 episodes.append(self._episode(entry))
                 photographs.append([entry["photograph"]])
         demonstrations = DemonstrationSet(
             tuple(episodes), self.folder.name, self.settings | {"poses_of": _POSES_OF}
         )
-        write_whole(self.folder / TRAJECTORIES, trajectory_archive(demonstrations))
-        write_whole(self.folder / DESCRIPTION, json_bytes(describe_episodes(demonstrations, photographs)))
-        write_whole(self.folder / MARKER_FILE, json_bytes({"made_by": "punnet", "complete": True}))
-        shutil.rmtree(self.folder / _SHARDS)
-        for half in (*(self.folder / "rgb").glob(".*"), *(self.folder / "depth").glob(".*")):
-            half.unlink()  # begun by a run that was killed
+        described = describe_episodes(demonstrations, photographs)
+        write_bytes(self.folder / TRAJECTORIES, trajectory_archive(demonstrations), force=True)
+        write_bytes(self.folder / DESCRIPTION, json_bytes(described), force=True)
+        finish_folder(self.folder)
 
     def _episode(self, entry: dict[str, Any]) -> Episode:
         joints, photograph = np.array(entry["joints"]), entry["photograph"]
@@ -159,6 +129,3 @@ class FolderOfReaches:
     def megabytes(self) -> float:
         """On disk."""
         return sum(path.stat().st_size for path in self.folder.rglob("*") if path.is_file()) / 1e6
-
-    def _shard(self, plant: int) -> Path:
-        return self.folder / _SHARDS / f"{plant:06d}.json"

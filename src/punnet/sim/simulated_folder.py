@@ -3,27 +3,33 @@
 from __future__ import annotations
 
 import json
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import punnet
-from punnet.errors import FileFormatError, OutputError, OutputExistsError
-from punnet.outputs import MARKER_FILE
+from punnet.outputs import write_bytes
 from punnet.scene import CLASSES, KEYPOINTS
-from punnet.sim.growing_folder import DEPTH_UNIT, json_bytes, write_pictures, write_whole
+from punnet.sim.growing_folder import (
+    DEPTH_UNIT,
+    PICTURES_AND_SHARDS,
+    finish_folder,
+    json_bytes,
+    open_folder,
+    shard_path,
+    write_pictures,
+)
 from punnet.sim.labelled_views import LabelledView
 from punnet.sim.protocols import VARIED, Protocol
 from punnet.sim.still_scene import PHOTO_INTRINSICS
 
-__all__ = ["FactoryReport", "complete", "describe", "is_finished", "open_folder", "write_shard", "write_view"]
+__all__ = ["FactoryReport", "complete", "describe", "is_finished", "open_set", "write_shard", "write_view"]
 
 SCHEMA = "punnet-simulated-data/1"
 GENERATOR = 1
 """Raised whenever the same seed gives other bytes."""
 
-_DESCRIPTION, _ANNOTATIONS, _SHARDS = "data.json", "annotations.json", ".plants"
+_DESCRIPTION, _ANNOTATIONS = "data.json", "annotations.json"
 _LICENCES = [
     {"id": 1, "name": "CC0 1.0", "url": "https://creativecommons.org/publicdomain/zero/1.0/"},
     {
@@ -76,53 +82,18 @@ def describe(images: int, seed: int, protocol: Protocol = VARIED) -> dict[str, A
     }
 
 
-def open_folder(place: Path, description: dict[str, Any], force: bool) -> None:
-    """Make the folder, or find that it holds the beginning of the same data set."""
-    if place.exists() and not place.is_dir():
-        raise OutputError(
-            f"{place}: can't be made, a file stands where a folder is needed; give another folder"
-        )
-    found = _read_description(place)
-    if found is None and place.is_dir() and any(place.iterdir()):
-        raise OutputExistsError(f"{place}: exists and is no simulated data set; give another folder")
-    if found is not None and force:
-        shutil.rmtree(place)
-        found = None
-    if found is not None:
-        if found.get("complete"):
-            raise OutputExistsError(f"{place}: is complete; give another folder or --force to make it anew")
-        other = [name for name in {**description, **found} if description.get(name) != found.get(name)]
-        if other:
-            was = ", ".join(f"{name} {found.get(name, 'not given')!r}" for name in other)
-            raise OutputExistsError(
-                f"{place}: was begun with {was}; go on with the same, give another folder, or --force"
-            )
-        return
-    try:
-        for name in ("rgb", "depth", _SHARDS):
-            (place / name).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{place}: can't be written ({error.strerror}); give another folder") from error
-    write_whole(place / MARKER_FILE, json_bytes({"made_by": "punnet", "complete": False}))
-    write_whole(
-        place / "camera.json", json_bytes({"depth_scale": DEPTH_UNIT, "camera": PHOTO_INTRINSICS.to_json()})
+def open_set(place: Path, description: dict[str, Any], *, force: bool) -> None:
+    """Make the folder, or find that it holds the beginning of the same data set; see :func:`open_folder`."""
+    open_folder(
+        place,
+        _DESCRIPTION,
+        description,
+        what="simulated data set",
+        parts=PICTURES_AND_SHARDS,
+        force=force,
     )
-    write_whole(place / _DESCRIPTION, json_bytes(description))
-
-
-def _read_description(place: Path) -> dict[str, Any] | None:
-    path = place / _DESCRIPTION
-    if not path.is_file():
-        return None
-    try:
-        found = json.loads(path.read_text())
-    except ValueError as error:
-        raise FileFormatError(f"{path}: not readable as JSON ({error}); remove the folder") from error
-    if not isinstance(found, dict) or found.get("schema") != SCHEMA:
-        raise FileFormatError(
-            f"{path}: no description of a simulated data set ({SCHEMA}); give another folder"
-        )
-    return found
+    camera = {"depth_scale": DEPTH_UNIT, "camera": PHOTO_INTRINSICS.to_json()}
+    write_bytes(place / "camera.json", json_bytes(camera), force=True)
 
 
 def write_view(folder: Path, name: str, group: str, setting: str, labelled: LabelledView) -> dict[str, Any]:
@@ -147,7 +118,7 @@ def complete(place: Path, description: dict[str, Any], plants: int, *, made: int
     images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
     for plant in range(plants):
-        for entry in json.loads(_shard_path(place, plant).read_text()):
+        for entry in json.loads(shard_path(place, plant).read_text()):
             images.append({"id": len(images) + 1, **entry["image"]})
             for annotation in entry["annotations"]:
                 ids = {"id": len(annotations) + 1, "image_id": len(images)}
@@ -165,12 +136,10 @@ def complete(place: Path, description: dict[str, Any], plants: int, *, made: int
         "annotations": annotations,
         "categories": categories,
     }
-    write_whole(place / _ANNOTATIONS, json.dumps(document, allow_nan=False, separators=(",", ":")).encode())
-    write_whole(place / _DESCRIPTION, json_bytes(description))
-    write_whole(place / MARKER_FILE, json_bytes({"made_by": "punnet", "complete": True}))
-    shutil.rmtree(place / _SHARDS)
-    for half in (*(place / "rgb").glob(".*"), *(place / "depth").glob(".*")):
-        half.unlink()  # begun by a run that was killed
+    text = json.dumps(document, allow_nan=False, separators=(",", ":"))
+    write_bytes(place / _ANNOTATIONS, text.encode(), force=True)
+    write_bytes(place / _DESCRIPTION, json_bytes(description), force=True)
+    finish_folder(place)
     size = sum(path.stat().st_size for path in place.rglob("*") if path.is_file())
     return FactoryReport(
         folder=place,
@@ -186,13 +155,9 @@ def complete(place: Path, description: dict[str, Any], plants: int, *, made: int
 
 def is_finished(place: Path, plant: int) -> bool:
     """Whether a plant's images and labels are all there."""
-    return _shard_path(place, plant).is_file()
+    return shard_path(place, plant).is_file()
 
 
 def write_shard(place: Path, plant: int, entries: list[dict[str, Any]]) -> None:
     """Write a plant's labels, the entries of :func:`write_view`: from then on it counts as finished."""
-    write_whole(_shard_path(place, plant), json_bytes(entries))
-
-
-def _shard_path(place: Path, plant: int) -> Path:
-    return place / _SHARDS / f"{plant:06d}.json"
+    write_bytes(shard_path(place, plant), json_bytes(entries), force=True)
