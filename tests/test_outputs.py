@@ -69,6 +69,17 @@ def test_a_file_in_the_way(tmp_path: Path) -> None:
             write(tmp_path / place, "x")
 
 
+@pytest.mark.parametrize("name", ["overlay.png", "SCORES.JSON"])
+def test_a_folder_is_not_called_like_a_file(tmp_path: Path, name: str) -> None:
+    with pytest.raises(OutputError, match=r"called like a file.*leave"):
+        write(tmp_path / name, "x")
+    assert contents(tmp_path) == set()
+    write(tmp_path / "run.2", "x")
+    (tmp_path / name).mkdir()  # who has such a folder may keep it
+    write(tmp_path / name, "x", force=True)
+    assert contents(tmp_path / name) == {"x"}
+
+
 def test_an_error_without_pieces_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(ZeroDivisionError):
         break_off(tmp_path / "out", ZeroDivisionError(), pieces=0)

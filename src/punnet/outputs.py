@@ -18,6 +18,7 @@ __all__ = [
     "OutputFolder",
     "mark",
     "replace_folder",
+    "require_folder_name",
     "staging_beside",
     "told_folder_errors",
     "write_bytes",
@@ -26,6 +27,22 @@ __all__ = [
 
 MARKER_FILE = ".punnet-output.json"
 """Marks a folder as made by Punnet; ``force`` replaces no other."""
+
+FILE_SUFFIXES = {
+    ".csv",
+    ".html",
+    ".jpeg",
+    ".jpg",
+    ".json",
+    ".md",
+    ".mp4",
+    ".onnx",
+    ".parquet",
+    ".pdf",
+    ".png",
+    ".svg",
+}
+"""Ends of names that nobody gives to a folder."""
 
 
 class Interrupted(KeyboardInterrupt):
@@ -59,7 +76,7 @@ class OutputFolder:
     OutputExistsError
         On entering, if the folder exists and ``force`` is not set, or if it was not made by Punnet.
     OutputError
-        On entering, if the folder can't be written.
+        On entering, if the folder can't be written or has the name of a file, as ``sheet.png``.
     Interrupted
         On leaving by Ctrl-C.
     """
@@ -116,8 +133,11 @@ class OutputFolder:
         ------
         OutputExistsError
             If it exists and ``force`` is not set, or it was not made by Punnet.
+        OutputError
+            If it has the name of a file.
         """
         folder = self.folder
+        require_folder_name(self._shown)
         if not folder.exists() and not folder.is_symlink():
             return
         if not self.force:
@@ -141,6 +161,21 @@ class OutputFolder:
 def mark(*, complete: bool) -> bytes:
     """What stands in :data:`MARKER_FILE`."""
     return json.dumps({"made_by": "punnet", "complete": complete}).encode() + b"\n"
+
+
+def require_folder_name(folder: str | Path) -> None:
+    """Refuse to make a folder that is called like a file.
+
+    Raises
+    ------
+    OutputError
+        If its name ends so and it does not exist.
+    """
+    folder = Path(folder).expanduser()
+    if folder.suffix.lower() in FILE_SUFFIXES and not folder.exists():
+        raise OutputError(
+            f"{folder}: is called like a file, but a folder is written; leave '{folder.suffix}' out"
+        )
 
 
 @contextmanager

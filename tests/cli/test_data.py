@@ -167,6 +167,21 @@ def test_view_writes_sheets(punnet, folder: Path, tmp_path: Path) -> None:
     assert "6 images on 2 sheets" in result.out
 
 
+@pytest.mark.parametrize("name", ["sheet.png", "SHEET.JPG"])
+def test_view_writes_one_sheet_as_the_picture_that_is_named(
+    punnet, folder: Path, tmp_path: Path, name: str
+) -> None:
+    command = ("data", "view", folder, "--out", tmp_path / "new" / name, "--cell", "80", "--columns", "3")
+    assert "6 images on 1 sheet;" in punnet(*command).out
+    sheet = (tmp_path / "new" / name).read_bytes()
+    assert sheet.startswith(b"\xff\xd8\xff" if name == "SHEET.JPG" else b"\x89PNG")
+    assert cv2.imread(str(tmp_path / "new" / name)).shape[1] == 3 * 86 + 6
+    punnet(*command).fails_with(name, "exists", "--force")
+    assert punnet(*command, "--force").code == 0
+    punnet(*command, "--rows", "1", "--force").fails_with("6 images take 2 sheets of 3", "give a folder")
+    assert (tmp_path / "new" / name).read_bytes() == sheet
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_view_serves_until_it_is_stopped(folder: Path, number: int) -> None:
     # A background job of a shell ignores Ctrl-C, and so would what it starts.

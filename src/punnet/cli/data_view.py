@@ -21,7 +21,9 @@ def view(
     path: DataPath,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Folder for contact sheets (PNG).", show_default=False),
+        typer.Option(
+            "--out", "-o", help="Folder for contact sheets, or a PNG or JPEG for one.", show_default=False
+        ),
     ] = None,
     serve: Annotated[
         bool, typer.Option("--serve", help="Show them in the browser, on this machine.")
@@ -43,25 +45,34 @@ def view(
     from punnet.data.gallery import open_gallery, open_images
 
     if serve == (out is not None):
-        raise typer.BadParameter("give either --out FOLDER or --serve")
+        raise typer.BadParameter("give either --out or --serve")
     if serve:
         with counted_progress("checking photographs") as progress:
             gallery = open_gallery(path, data_format, class_map=class_map_of(class_map), progress=progress)
         _serve(gallery, port)
         return
-    from punnet.data.contact_sheet import SheetLayout, write_contact_sheets
+    from punnet.data.contact_sheet import (
+        PICTURE_SUFFIXES,
+        SheetLayout,
+        write_contact_sheets,
+        write_one_sheet,
+    )
     from punnet.outputs import OutputFolder
 
     assert out is not None
     dataset, left_out = open_images(path, data_format, class_map=class_map_of(class_map))
     layout = SheetLayout(columns, rows, cell)
-    with OutputFolder(out, force=force) as output:
-        pages = -(-len(dataset) // layout.on_a_page)
-        sheets = list(track(write_contact_sheets(dataset, output, layout), pages, "drawing"))
+    if out.suffix.lower() in PICTURE_SUFFIXES and not out.is_dir():
+        sheets = [write_one_sheet(dataset, out, layout, force=force)]
+    else:
+        with OutputFolder(out, force=force) as output:
+            pages = layout.pages(len(dataset))
+            sheets = list(track(write_contact_sheets(dataset, output, layout), pages, "drawing"))
     if as_json:
         print_json({"out": str(out), "images": len(dataset), "sheets": [sheet.name for sheet in sheets]})
     else:
-        say(f"{len(dataset)} images on {len(sheets)} sheets; see {out}")
+        many = "sheet" if len(sheets) == 1 else "sheets"
+        say(f"{len(dataset)} images on {len(sheets)} {many}; see {out}")
     for message in left_out:
         note(f"left out: {message}")
     if left_out:

@@ -1,4 +1,4 @@
-"""Contact sheets: pages of annotated photographs side by side, with a legend."""
+"""Contact sheets: pages of annotated photographs side by side, with a legend; in a folder, or one as a picture."""
 
 from __future__ import annotations
 
@@ -13,11 +13,14 @@ from numpy.typing import NDArray
 from punnet.data.dataset import AnnotatedImage, Dataset
 from punnet.data.drawing import draw_annotated, write_line
 from punnet.errors import ConfigurationError
-from punnet.outputs import OutputFolder
+from punnet.outputs import OutputFolder, write_bytes
 from punnet.scene import CLASSES, KEYPOINTS, Strawberries, Visibility
 from punnet.scene.overlay import CLASS_COLOURS, draw_overlay
 
-__all__ = ["SheetLayout", "contact_sheet", "write_contact_sheets"]
+__all__ = ["PICTURE_SUFFIXES", "SheetLayout", "contact_sheet", "write_contact_sheets", "write_one_sheet"]
+
+PICTURE_SUFFIXES = (".jpeg", ".jpg", ".png")
+"""What a sheet can be written as."""
 
 BACKGROUND = (24, 24, 26)
 HEADER, CAPTION, GAP = 44, 22, 6
@@ -67,6 +70,10 @@ class SheetLayout:
         """Photographs on a page."""
         return self.columns * self.rows
 
+    def pages(self, images: int) -> int:
+        """Pages that so many photographs take."""
+        return -(-images // self.on_a_page)
+
 
 def contact_sheet(images: list[AnnotatedImage], layout: SheetLayout, title: str) -> NDArray[np.uint8]:
     """Draw one page, (H, W, 3) uint8 RGB: each photograph with name and counts below, classes and marks above."""
@@ -105,17 +112,56 @@ def write_contact_sheets(
         Each page when it is written; in the folder's staging place.
     """
     layout = layout or SheetLayout()
-    pages = -(-len(dataset) // layout.on_a_page)
+    pages = layout.pages(len(dataset))
     for number in range(pages):
-        first = number * layout.on_a_page
-        images = list(dataset.images[first : first + layout.on_a_page])
-        title = f"{dataset.name}: {first + 1} to {first + len(images)} of {len(dataset)} images"
-        page = contact_sheet(images, layout, title)
         path = output.path / f"sheet-{number + 1:0{max(3, len(str(pages)))}d}.png"
-        _, encoded = cv2.imencode(".png", page[:, :, ::-1])
-        path.write_bytes(encoded.tobytes())
+        path.write_bytes(_encoded(_page(dataset, number, layout), path.suffix))
         output.finished()
         yield path
+
+
+def write_one_sheet(
+    dataset: Dataset, path: str | Path, layout: SheetLayout | None = None, *, force: bool = False
+) -> Path:
+    """Write all images on one page, as the picture that the name ends in.
+
+    Parameters
+    ----------
+    dataset
+        What to show.
+    path
+        With one of :data:`PICTURE_SUFFIXES`.
+    layout
+        The usual one if None.
+    force
+        Replace the picture if it exists.
+
+    Raises
+    ------
+    ConfigurationError
+        If there are more images than the page holds.
+    OutputExistsError, OutputError
+        As :func:`~punnet.outputs.write_bytes`.
+    """
+    layout, path = layout or SheetLayout(), Path(path)
+    if (pages := layout.pages(len(dataset))) > 1:
+        raise ConfigurationError(
+            f"{path}: is one picture, but {len(dataset)} images take {pages} sheets of {layout.on_a_page}; give a folder, "
+            "or more columns and rows"
+        )
+    return write_bytes(path, _encoded(_page(dataset, 0, layout), path.suffix.lower()), force=force)
+
+
+def _page(dataset: Dataset, number: int, layout: SheetLayout) -> NDArray[np.uint8]:
+    first = number * layout.on_a_page
+    images = list(dataset.images[first : first + layout.on_a_page])
+    title = f"{dataset.name}: {first + 1} to {first + len(images)} of {len(dataset)} images"
+    return contact_sheet(images, layout, title)
+
+
+def _encoded(page: NDArray[np.uint8], suffix: str) -> bytes:
+    _, encoded = cv2.imencode(suffix, page[:, :, ::-1])
+    return bytes(encoded.tobytes())
 
 
 def _cell(image: AnnotatedImage, longest_side: int) -> NDArray[np.uint8]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from punnet.errors import FileFormatError, OutputError, OutputExistsError
-from punnet.outputs import MARKER_FILE, mark, told_folder_errors, write_bytes
+from punnet.outputs import MARKER_FILE, mark, require_folder_name, told_folder_errors, write_bytes
 
 __all__ = [
     "DEPTH_UNIT",
@@ -73,8 +73,9 @@ def open_folder(
     FileFormatError
         If it is damaged, or of another schema.
     OutputError
-        If it can't be made.
+        If it can't be made, or has the name of a file.
     """
+    require_folder_name(place)
     if place.exists() and not place.is_dir():
         raise OutputError(
             f"{place}: can't be made, a file stands where a folder is needed; give another folder"
