@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import resource
-import time
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from punnet.errors import ConfigurationError, FileFormatError
 from punnet.geometry import CameraIntrinsics, make_transform, rotation_from_vector
@@ -16,6 +16,7 @@ from punnet.perception import ColourConfig, ColourDetector, Detector
 from punnet.perception.colour import box_around, gravity_up
 from punnet.scene import KEYPOINTS, PLUCKABLE, UNPLUCKABLE, Frame, Strawberries, Visibility, read_image
 from tests.perception.drawings import GRAVEL, LEAF, PALE, RIPE, TURNING, gravel, hang_berry, iou
+from tests.timing import times_as_long
 
 CAMERA = CameraIntrinsics(640, 480, 615.0, 615.0, 319.5, 239.5)
 PICKING, TOP, BOTTOM, LEFT, RIGHT = range(len(KEYPOINTS))
@@ -281,10 +282,8 @@ def test_quick_enough_for_a_camera() -> None:
         for row in range(2):
             hang_berry(image, (60 + 100 * column, 150 + 190 * row))
     frame = Frame(rgb=image)
-    detector, fastest = ColourDetector(), 9.0
-    for _ in range(5):
-        start = time.process_time()
-        detector.detect(frame)
-        fastest = min(fastest, time.process_time() - start)
-    # Bar 60 ms on one core; twice that here, since other work shares the machine.
-    assert fastest < 0.12
+    detector, floats = ColourDetector(), image.astype(np.float32)
+    # Four to five times as long as a blur of the image; 55 ms on one core, where the bar is 60.
+    assert (
+        times_as_long(lambda: detector.detect(frame), lambda: ndimage.gaussian_filter(floats, (2, 2, 0))) < 9
+    )

@@ -1,5 +1,3 @@
-import time
-
 import numpy as np
 import pytest
 
@@ -14,6 +12,7 @@ from punnet.planning.observed_scene import ObservedScene
 from punnet.planning.straight_candidates import spread_offsets
 from punnet.robot import HOME, Panda
 from punnet.scene import Frame, Strawberries, Target
+from tests.timing import times_as_long
 
 POINT = np.array([0.75, -0.06, 0.70])
 FRAME = Frame(np.zeros((480, 640, 3), np.uint8))
@@ -201,12 +200,12 @@ def test_sixty_four_reaches_are_judged_in_time(planner):
     planned = planner.planner.plan(FRAME, around, HOME)
     from punnet.planning.observed_scene import observe
 
-    best = np.inf
-    for _ in range(5):
-        began = time.perf_counter()
+    def judge():
         planner.costs(planner.candidates(planned, around, HOME), observe(FRAME, around), planned)
-        best = min(best, time.perf_counter() - began)
-    assert best < 0.15  # 50 ms is the bar on a quiet machine; see benchmarks/collision_choice.py
+
+    arms = np.tile(HOME, (64, len(PHASES), 1))
+    # Five to ten times as long as forward kinematics of as many arms; milliseconds are for benchmarks/collision_choice.py.
+    assert times_as_long(judge, lambda: ARM.forward_kinematics(arms)) < 20
 
 
 def test_where_a_neighbours_stem_is_caught_from_every_side_there_is_no_free_approach(planner):

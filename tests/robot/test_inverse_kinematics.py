@@ -1,5 +1,3 @@
-import time
-
 import frankik
 import numpy as np
 import pytest
@@ -10,6 +8,7 @@ from punnet.errors import ShapeError
 from punnet.geometry import make_transform
 from punnet.robot import HOME, PANDA_LIMITS, Panda
 from punnet.robot.inverse_kinematics import BRANCHES, solve, solve_any
+from tests.timing import times_as_long
 
 ARM = Panda()
 
@@ -80,14 +79,11 @@ def test_singular_arms_are_solved_exactly():
         assert worst_pose_error(found[exists], pose) < 1e-9
 
 
-def test_150_poses_with_all_branches_take_milliseconds():
-    poses = ARM.forward_kinematics(random_joints(3, 150))
-    seconds = []
-    for _ in range(10):
-        begin = time.perf_counter()
-        solve(poses, 0.3)
-        seconds.append(time.perf_counter() - begin)
-    assert min(seconds) < 0.010
+def test_150_poses_with_all_branches_take_a_few_times_what_forward_kinematics_take():
+    joints = random_joints(3, 150)
+    poses = ARM.forward_kinematics(joints)
+    # Five times; 0.8 ms on a quiet core.
+    assert times_as_long(lambda: solve(poses, 0.3), lambda: ARM.forward_kinematics(joints), turns=20) < 12
 
 
 def test_shapes_broadcast():
