@@ -14,10 +14,12 @@ import numpy as np
 
 from punnet.data.formats import read_dataset
 from punnet.perception.choosing import load_detector
+from punnet.perception.coco_scoring import Collection
+from punnet.perception.matching import match_masks
 from punnet.scene import PLUCKABLE, Strawberries
 from punnet.weight.choosing import load_weight_estimator
 from punnet.weight.sample_split import images_of_part
-from punnet.weight.samples import _matches
+from punnet.weight.samples import LEAST_OVERLAP
 
 
 def mixtures(true: Strawberries, found: Strawberries) -> dict[str, Strawberries]:
@@ -50,7 +52,8 @@ def main() -> None:
         counted = [annotation for annotation in image.annotations if not annotation.crowd]
         frame, truth = image.frame(), image.berries()
         found = detector.detect(frame)
-        for row, match in enumerate(_matches(truth, found).tolist()):
+        matching = match_masks(Collection().add(truth, found), score=0.0, iou=LEAST_OVERLAP)
+        for row, match in enumerate(matching.found_as(len(truth)).tolist()):
             if counted[row].class_index != PLUCKABLE or not counted[row].weight > 0:
                 continue
             count += 1
