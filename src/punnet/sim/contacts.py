@@ -76,29 +76,20 @@ class ContactMonitor:
 
     def update(self, data: mujoco.MjData) -> None:
         """Take in the contacts of the step just made."""
-        if data.ncon == 0:
+        if data.ncon == 0 or data.nefc == 0:
             return
         contact = data.contact
-        address = contact.efc_address
-        active = address >= 0
-        if not active.any():
-            return
-        geoms = contact.geom[active]
-        force = data.efc_force[address[active]]
-        berry = self._berry_of_geom[geoms]
-        tool = self._is_tool[geoms]
+        geoms, address = contact.geom, contact.efc_address
+        berry, tool = self._berry_of_geom[geoms], self._is_tool[geoms]
+        force = np.where(address >= 0, data.efc_force[address], 0.0)
         on_berries = np.zeros(self._berries)
         by_tool = np.zeros(self._berries)
-        for side in (0, 1):
-            struck = berry[:, side] >= 0
-            if not struck.any():
-                continue
-            np.add.at(on_berries, berry[struck, side], force[struck])
-            pushed = struck & tool[:, 1 - side]
-            np.add.at(by_tool, berry[pushed, side], force[pushed])
+        for one, other in ((0, 1), (1, 0)):
+            struck = np.flatnonzero(berry[:, one] >= 0)
+            np.add.at(on_berries, berry[struck, one], force[struck])
+            np.add.at(by_tool, berry[struck, one], force[struck] * tool[struck, other])
         np.maximum(self.peak_on_berry, on_berries, out=self.peak_on_berry)
         np.maximum(self.tool_peak_on_berry, by_tool, out=self.tool_peak_on_berry)
         np.maximum(self._recent_tool_peak_on_berry, by_tool, out=self._recent_tool_peak_on_berry)
-        hard = tool.any(axis=1) & self._is_structure[geoms].any(axis=1)
-        if hard.any():
-            self._recent_structure_peak = max(self._recent_structure_peak, float(force[hard].max()))
+        hard = force[(tool & self._is_structure[geoms][:, ::-1]).any(axis=1)]
+        self._recent_structure_peak = max(self._recent_structure_peak, hard.max(initial=0.0))

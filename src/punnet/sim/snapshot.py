@@ -17,13 +17,18 @@ from punnet.sim.simulated_robot import SimulatedRobot
 __all__ = ["restore_snapshot", "take_snapshot"]
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION.value
+# What sleeps is no part of MuJoCo's state: setting that wakes everything.
+_SLEEP = (
+    *("tree_asleep", "tree_awake", "body_awake", "body_awake_ind", "parent_awake_ind", "dof_awake_ind"),
+    *("ntree_awake", "nbody_awake", "nparent_awake", "nv_awake"),
+)
 
 
 def take_snapshot(robot: SimulatedRobot) -> bytes:
     """A NumPy archive of everything that decides how the world of ``robot`` goes on.
 
-    That is MuJoCo's state with controls and warm start, the stems that were cut, the peaks of force so far, and the
-    generator of the sensors' noise. What :func:`restore_snapshot` makes of it goes on bit for bit as the original does.
+    That is MuJoCo's state with controls and warm start, what sleeps, the stems that were cut, the peaks of force so far,
+    and the generator of the sensors' noise. What :func:`restore_snapshot` makes of it goes on bit for bit as the original does.
     """
     world = robot.world
     state = np.empty(mujoco.mj_stateSize(world.model, _STATE))
@@ -33,6 +38,7 @@ def take_snapshot(robot: SimulatedRobot) -> bytes:
         stream,
         world=_fingerprint(world.model),
         state=state,
+        asleep=np.concatenate([np.ravel(getattr(world.data, name)) for name in _SLEEP]),
         parted_stubs=world.parted_stubs(),
         peak_on_berry=world.contacts.peak_on_berry,
         tool_peak_on_berry=world.contacts.tool_peak_on_berry,
@@ -54,6 +60,7 @@ def restore_snapshot(robot: SimulatedRobot, snapshot: bytes) -> None:
         with np.load(io.BytesIO(snapshot), allow_pickle=False) as archive:
             values = {name: archive[name] for name in archive.files}
         noise = json.loads(str(values["noise"]))
+        state, asleep = values["state"], values["asleep"]
     except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise FileFormatError(f"snapshot: damaged ({error})") from error
     if not np.array_equal(values["world"], _fingerprint(world.model)):
@@ -61,16 +68,21 @@ def restore_snapshot(robot: SimulatedRobot, snapshot: bytes) -> None:
             "snapshot: is of another world; go on with the version of Punnet and MuJoCo that began the run"
         )
     world.part_stubs(values["parted_stubs"])
-    _set(world.model, world.data, values["state"])
+    _set(world.model, world.data, state, asleep)
     world.contacts.peak_on_berry[:] = values["peak_on_berry"]
     world.contacts.tool_peak_on_berry[:] = values["tool_peak_on_berry"]
     robot.noise.bit_generator.state = noise
 
 
-def _set(model: mujoco.MjModel, data: mujoco.MjData, state: NDArray[np.float64]) -> None:
+def _set(
+    model: mujoco.MjModel, data: mujoco.MjData, state: NDArray[np.float64], asleep: NDArray[np.int64]
+) -> None:
     mujoco.mj_setState(model, data, state, _STATE)
     mujoco.mj_forward(model, data)
     mujoco.mj_setState(model, data, state, _STATE)  # computing the positions of all bodies has touched it
+    sizes = [np.size(getattr(data, name)) for name in _SLEEP]
+    for name, part in zip(_SLEEP, np.split(asleep, np.cumsum(sizes)[:-1]), strict=True):
+        setattr(data, name, part if np.ndim(getattr(data, name)) else int(part[0]))
 
 
 def _fingerprint(model: mujoco.MjModel) -> NDArray[np.uint8]:
