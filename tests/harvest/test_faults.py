@@ -316,6 +316,42 @@ def test_carrying_is_broken_off_when_a_neighbour_is_dragged_along(session):
     assert len(run.picked) == 1
 
 
+def test_a_berry_that_is_pressed_while_it_is_lowered_is_let_go_there(session):
+    robot, limited = session.robot, []
+    follow = robot.follow
+
+    def pressing(trajectory, force_limit=None):
+        limited.extend([force_limit] if force_limit is not None else [])
+        if force_limit is not None and len(limited) == 3:  # after the reach, and the way to the punnet
+            robot._joints = trajectory.positions[len(trajectory.positions) // 2]
+            return MotionResult(False, "pushed a fruit: with 4.2 N")
+        return follow(trajectory, force_limit)
+
+    robot.follow = pressing
+    run = session.run()
+    assert run.attempts[0].carried is None
+    assert len(run.picked) == 2
+    assert limited[2] < limited[1]
+
+
+def test_the_fingers_stay_apart_until_the_tool_is_out_of_the_plant(session):
+    robot, calls = session.robot, []
+    separate, follow, cut = robot.separate, robot.follow, robot.cut
+
+    def noted(name, call):
+        def called(*arguments):
+            calls.append((name, arguments[0] if name == "separate" else None))
+            return call(*arguments)
+
+        return called
+
+    robot.separate, robot.cut = noted("separate", separate), noted("cut", cut)
+    robot.follow = noted("follow", follow)
+    session.run()
+    after = calls[calls.index(("cut", None)) + 1 :]
+    assert after[:2] == [("follow", None), ("separate", 0.0)]
+
+
 @pytest.mark.parametrize(
     ("ripeness", "score", "left"),
     [(0.7, 1.0, {1}), (0.85, 0.9, {1}), (0.85, 0.95, set())],
