@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from punnet.errors import ConfigurationError, ShapeError
-from punnet.geometry import pose_error, quaternion_from_rotation
+from punnet.geometry import make_transform, pose_error, quaternion_from_rotation, rotation_from_quaternion
 from punnet.movement import (
     GaussianBasis,
     PoseChart,
@@ -14,6 +14,7 @@ from punnet.movement import (
     in_chart,
     to_task_space,
 )
+from punnet.movement.pushforward import from_quaternion_factor, pushed_forward
 from punnet.planning import ProMPDepthPlanner
 from punnet.robot import Panda
 
@@ -92,3 +93,25 @@ def test_refusals() -> None:
         from_quaternion_weights(basis, np.zeros((7, 8)), np.eye(56))
     with pytest.raises(ShapeError, match="finite"):
         from_quaternion_weights(basis, np.full((7, 8), np.nan), np.eye(56))
+
+
+def test_quaternions_are_pushed_forward_as_poses_are() -> None:
+    """The quick way of quaternion weights is the general one: the map of its poses, differentiated numerically."""
+    rng = np.random.default_rng(1)
+    basis, mean = GaussianBasis(), rng.normal(size=(7, 8))
+    mean[3:] = 0.3 * rng.normal(size=(4, 8)) + np.array([[0.5], [-0.4], [0.2], [-0.9]])
+    factor = 0.02 * rng.normal(size=(56, 5))
+    quick = from_quaternion_factor(basis, mean, factor)
+
+    def coordinates(x: np.ndarray) -> np.ndarray:
+        return quick.chart.coordinates(make_transform(rotation_from_quaternion(x[:, 3:]), x[:, :3]))
+
+    def derivative(x: np.ndarray) -> np.ndarray:
+        steps = 1e-6 * np.eye(7)
+        return np.stack([(coordinates(x + s) - coordinates(x - s)) / 2e-6 for s in steps], axis=2)
+
+    weights, spread = pushed_forward(basis, mean, factor @ factor.T, coordinates, derivative)
+    np.testing.assert_allclose(quick.weight_mean, weights, atol=1e-9)
+    np.testing.assert_allclose(quick.weight_covariance, spread, atol=1e-9)
+    slow = from_quaternion_weights(basis, mean, factor @ factor.T)
+    np.testing.assert_allclose(slow.weight_covariance, quick.weight_covariance, atol=1e-12)

@@ -31,6 +31,7 @@ from punnet.outputs import write_text
 
 __all__ = ["Space", "TrajectoryDistribution"]
 
+Array = NDArray[np.float64]
 PATH_POINTS = 150
 Space = Literal["joint", "task"]
 SPACES: tuple[Space, ...] = ("joint", "task")
@@ -92,9 +93,29 @@ class TrajectoryDistribution:
                 f"trajectory distribution: weight_covariance must be {(mean.size, mean.size)}, "
                 f"got {covariance.shape}"
             )
-        if not (np.isfinite(mean).all() and math.isfinite(np.vdot(covariance, covariance))):
-            raise ShapeError("trajectory distribution: weights must be finite")
+        _require_finite(mean, covariance)
         require_semi_definite(covariance)
+        self._complete(mean, (covariance + covariance.T) / 2.0)
+
+    @classmethod
+    def of_sound_covariance(
+        cls, basis: GaussianBasis, weight_mean: Array, weight_covariance: Array, **fields: Any
+    ) -> TrajectoryDistribution:
+        """As the constructor, of arrays whose covariance is symmetric and positive semi-definite as it was computed.
+
+        Raises
+        ------
+        ShapeError, ConfigurationError
+            As the constructor, which also looks at the covariance and the shapes of both.
+        """
+        made = object.__new__(cls)
+        made.__dict__.update(basis=basis, **fields)
+        _require_finite(weight_mean, weight_covariance)
+        made._complete(weight_mean, weight_covariance)
+        return made
+
+    def _complete(self, mean: Array, covariance: Array) -> None:
+        """Set all fields but the basis, checked."""
         if not (math.isfinite(self.duration) and self.duration > 0):
             raise ConfigurationError(
                 f"trajectory distribution: duration must be positive, got {self.duration}"
@@ -109,18 +130,18 @@ class TrajectoryDistribution:
         noise = (
             np.zeros(len(mean)) if self.observation_std is None else np.asarray(self.observation_std, float)
         )
-        if noise.shape != (len(mean),) or not np.isfinite(noise).all() or (noise < 0).any():
+        if noise.shape != (len(mean),) or not all(0.0 <= std < math.inf for std in noise.tolist()):
             raise ShapeError(f"trajectory distribution: observation_std must be ({len(mean)},) and ≥ 0")
-        for field, value in (
-            ("weight_mean", mean),
-            ("weight_covariance", (covariance + covariance.T) / 2.0),
-            ("duration", float(self.duration)),
-            ("names", names),
-            ("observation_std", noise),
-            ("via_points", tuple(self.via_points)),
-            ("chart", PoseChart() if self.space == "task" and self.chart is None else self.chart),
-        ):
-            object.__setattr__(self, field, value)
+        self.__dict__.update(
+            weight_mean=mean,
+            weight_covariance=covariance,
+            duration=float(self.duration),
+            names=names,
+            space=self.space,
+            observation_std=noise,
+            via_points=tuple(self.via_points),
+            chart=PoseChart() if self.space == "task" and self.chart is None else self.chart,
+        )
 
     def _require_space(self, dimensions: int) -> None:
         if self.space not in SPACES:
@@ -354,3 +375,9 @@ class TrajectoryDistribution:
             raise FileFormatError(f"{path}: can't be read as JSON ({error})") from error
         except FileFormatError as error:
             raise FileFormatError(f"{path}: {error}") from error
+
+
+def _require_finite(mean: Array, covariance: Array) -> None:
+    # The sum of squares of finite numbers is finite (short of 1e154), and quicker than asking each.
+    if not (math.isfinite(np.vdot(mean, mean)) and math.isfinite(np.vdot(covariance, covariance))):
+        raise ShapeError("trajectory distribution: weights must be finite")

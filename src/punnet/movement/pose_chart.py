@@ -70,11 +70,17 @@ class PoseChart:
 
         The mean is the principal axis of the quaternions' second moments, to which signs do not matter.
         """
-        moments = np.zeros((4, 4))
-        for number, demonstration in enumerate(demonstrations):
-            poses = _rigid(demonstration, f"demonstration {number}")
-            q = quaternion_from_rotation(poses[:, :3, :3])
-            moments += q.T @ q / len(q)
+        return cls.around_quaternions(
+            [
+                quaternion_from_rotation(_rigid(demonstration, f"demonstration {number}")[:, :3, :3])
+                for number, demonstration in enumerate(demonstrations)
+            ]
+        )
+
+    @classmethod
+    def around_quaternions(cls, demonstrations: Sequence[Array]) -> PoseChart:
+        """As :meth:`around`, of unit quaternions, arrays (T_n, 4), of either sign."""
+        moments = sum((q.T @ q / len(q) for q in demonstrations), np.zeros((4, 4)))
         return cls(np.linalg.eigh(moments)[1][:, -1])
 
     def same_as(self, other: PoseChart | None) -> bool:
@@ -95,18 +101,32 @@ class PoseChart:
         """
         T = _rigid(poses, "pose chart")
         q = quaternion_from_rotation(rotation_from_quaternion(self.reference).T @ T[:, :3, :3])
-        q = continuous_quaternions(q)
-        if q[:, 3].sum() < 0:
-            q = -q
-        length = np.linalg.norm(q[:, :3], axis=1)
-        angle = 2.0 * np.arctan2(length, q[:, 3])
-        if angle.max(initial=0.0) > LARGEST_ANGLE:
-            raise ConfigurationError(
-                f"pose chart: pose {int(np.argmax(angle))} is {np.rad2deg(angle.max()):.0f}° from the reference; "
-                "take a reference in the middle of the movement"
-            )
-        rate = np.divide(angle, length, out=np.full_like(angle, 2.0), where=length > 1e-12)
-        return np.concatenate((T[:, :3, 3], rate[:, None] * q[:, :3]), axis=1)
+        return np.concatenate((T[:, :3, 3], _rotation_vectors(_of_one_sign(q))[0]), axis=1)
+
+    def of_quaternions(self, quaternions: ArrayLike) -> tuple[Array, Array]:
+        """Orientations ξ (T, 3) of a trajectory of quaternions (T, 4) of any length but zero, and ∂ξ/∂q (T, 3, 4).
+
+        Raises
+        ------
+        ConfigurationError
+            As :meth:`coordinates`.
+        """
+        x, y, z, w = self.reference
+        to_relative = np.array([[w, z, -y, -x], [-z, w, x, -y], [y, -x, w, -z], [x, y, z, w]])
+        free = np.asarray(quaternions, dtype=np.float64) @ to_relative.T
+        length = np.sqrt(np.einsum("ti,ti->t", free, free))
+        q = _of_one_sign(free / length[:, None])
+        xi, rate = _rotation_vectors(q)
+        # With q = (v, cos θ/2) and v = u sin θ/2, ξ is θ u, which has rates across u and along it.
+        v, cosine = q[:, :3], q[:, 3]
+        sine = np.sqrt(np.einsum("ti,ti->t", v, v))
+        u = np.divide(v, sine[:, None], out=np.zeros_like(v), where=sine[:, None] > 0.0)
+        by_q = np.empty((len(q), 3, 4))
+        by_q[:, :, :3] = ((2.0 * cosine - rate)[:, None] * u)[:, :, None] * u[:, None, :]
+        by_q[:, :, :3] += rate[:, None, None] * np.eye(3)
+        by_q[:, :, 3] = -2.0 * v
+        scale = np.copysign(1.0 / length, np.einsum("ti,ti->t", q, free))
+        return xi, scale[:, None, None] * (by_q @ to_relative)
 
     def poses(self, coordinates: ArrayLike) -> Array:
         """Poses (..., 4, 4) at coordinates (..., 6)."""
@@ -142,6 +162,25 @@ class PoseChart:
     def kinematics(self) -> ForwardKinematics:
         """The chart as kinematics, so that task-space movements are conditioned on poses as an arm's are."""
         return ForwardKinematics(self.poses, self.jacobian)
+
+
+def _of_one_sign(quaternions: Array) -> Array:
+    """Quaternions (T, 4) with signs that are continuous, and on the whole less than half a turn away."""
+    q = continuous_quaternions(quaternions)
+    return -q if q[:, 3].sum() < 0 else q
+
+
+def _rotation_vectors(q: Array) -> tuple[Array, Array]:
+    """Rotation vectors θ u (T, 3) of unit quaternions (T, 4), and θ over the sine of its half (T,)."""
+    length = np.linalg.norm(q[:, :3], axis=1)
+    angle = 2.0 * np.arctan2(length, q[:, 3])
+    if angle.max(initial=0.0) > LARGEST_ANGLE:
+        raise ConfigurationError(
+            f"pose chart: pose {int(np.argmax(angle))} is {np.rad2deg(angle.max()):.0f}° from the reference; "
+            "take a reference in the middle of the movement"
+        )
+    rate = np.divide(angle, length, out=np.full_like(angle, 2.0), where=length > 1e-12)
+    return rate[:, None] * q[:, :3], rate
 
 
 def _rigid(poses: ArrayLike, where: str) -> Array:

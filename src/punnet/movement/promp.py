@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -97,14 +97,7 @@ class ProMP:
         """
         arrays = checked_demonstrations(demonstrations)
         estimate, duration = self._estimate(arrays, times, durations)
-        return TrajectoryDistribution(
-            basis=self.basis,
-            weight_mean=estimate.mean,
-            weight_covariance=estimate.covariance,
-            duration=duration,
-            names=tuple(names),
-            observation_std=estimate.noise_std,
-        )
+        return self._distribution(estimate, duration=duration, names=tuple(names))
 
     def fit_poses(
         self,
@@ -129,14 +122,12 @@ class ProMP:
         chart = PoseChart.around(demonstrations) if chart is None else chart
         arrays = checked_demonstrations([chart.coordinates(poses) for poses in demonstrations])
         estimate, duration = self._estimate(arrays, times, durations)
-        return TrajectoryDistribution(
-            basis=self.basis,
-            weight_mean=estimate.mean,
-            weight_covariance=estimate.covariance,
-            duration=duration,
-            space="task",
-            observation_std=estimate.noise_std,
-            chart=chart,
+        return self._distribution(estimate, duration=duration, space="task", chart=chart)
+
+    def _distribution(self, estimate: WeightEstimate, **fields: Any) -> TrajectoryDistribution:
+        make = TrajectoryDistribution.of_sound_covariance if estimate.sound else TrajectoryDistribution
+        return make(
+            self.basis, estimate.mean, estimate.covariance, observation_std=estimate.noise_std, **fields
         )
 
     def _estimate(
@@ -191,7 +182,7 @@ def checked_demonstrations(demonstrations: Sequence[ArrayLike]) -> list[NDArray[
             )
         arrays.append(values)
     counts = [values.shape[1] for values in arrays]
-    if len(set(counts)) != 1:
+    if any(count != counts[0] for count in counts):
         odd = next(number for number, count in enumerate(counts) if count != counts[0])
         raise ShapeError(
             f"ProMP: demonstrations disagree in D: demonstration 0 has {counts[0]} degrees of freedom, "

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from punnet.errors import ConfigurationError, ShapeError
-from punnet.geometry import make_transform, rotation_from_quaternion
 from punnet.movement.basis import GaussianBasis
 from punnet.movement.covariance import covariance_factor, require_semi_definite
 from punnet.movement.distribution import TrajectoryDistribution
@@ -38,8 +38,7 @@ def pushed_forward(
     ``function`` takes (T, D) to (T, E), ``derivative`` (T, D) to (T, E, D). Returned are the mean (E, B) and the
     covariance (E·B, E·B) of the weights that come nearest on a grid of phases.
     """
-    phi = basis.phi(np.linspace(0.0, 1.0, SAMPLES))
-    projection = np.linalg.pinv(phi)
+    phi, projection = _on_grid(basis)
     x = phi @ weight_mean.T
     values, J = function(x), derivative(x)
     # M[(e, c), (d, b)] = Σ_t P[c, t] J[t, e, d] Φ[t, b] takes weights of x to weights of the function.
@@ -156,38 +155,46 @@ def from_quaternion_weights(
     if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
         raise ShapeError("quaternion weights: must be finite")
     require_semi_definite(covariance)
-    along = basis.phi(np.linspace(0.0, 1.0, SAMPLES)) @ mean.T
-    shortest = float(np.linalg.norm(along[:, 3:], axis=1).min())
-    if shortest < 0.1:
-        raise ShapeError(
-            f"quaternion weights: the mean's quaternion has a length of {shortest:.2g} on the way"
-        )
-    chart = PoseChart.around([_poses(along)])
-
-    def coordinates(x: Array) -> Array:
-        return chart.coordinates(_poses(x))
-
-    def derivative(x: Array) -> Array:
-        c = coordinates(x)
-        return np.asarray(np.linalg.solve(chart.jacobian(c), _pose_rates(x)))
-
-    weights, spread = pushed_forward(basis, mean, covariance, coordinates, derivative)
-    return TrajectoryDistribution(basis, weights, spread, duration=duration, space="task", chart=chart)
+    return from_quaternion_factor(basis, mean, covariance_factor(covariance), duration=duration)
 
 
-def _poses(x: Array) -> Array:
-    return make_transform(rotation_from_quaternion(x[..., 3:]), x[..., :3])
+def from_quaternion_factor(
+    basis: GaussianBasis, weight_mean: Array, factor: Array, *, duration: float = 1.0
+) -> TrajectoryDistribution:
+    """As :func:`from_quaternion_weights`, from a factor F (7·B, R) of the covariance ``F Fᵀ``.
 
-
-def _pose_rates(x: Array) -> Array:
-    """Jacobian (T, 6, 7) from rates of position and free quaternion to linear and angular velocity (base axes).
-
-    ω = 2 q̇ q* for a unit quaternion; of a free one the part along it changes nothing.
+    Raises
+    ------
+    ShapeError
+        As there.
     """
-    length = np.linalg.norm(x[:, 3:], axis=1)[:, None]
-    (qx, qy, qz, qw) = (x[:, 3:] / length).T
-    rows = [[qw, -qz, qy, -qx], [qz, qw, -qx, -qy], [-qy, qx, qw, -qz]]
-    J = np.zeros((len(x), 6, 7))
-    J[:, :3, :3] = np.eye(3)
-    J[:, 3:, 3:] = 2.0 * np.moveaxis(np.array(rows), -1, 0) / length[..., None]
-    return J
+    if not (np.isfinite(weight_mean).all() and np.isfinite(factor).all()):
+        raise ShapeError("quaternion weights: must be finite")
+    B = basis.count
+    phi, projection = _on_grid(basis)
+    q = phi @ weight_mean[3:].T
+    length = np.linalg.norm(q, axis=1)
+    if length.min() < 0.1:
+        raise ShapeError(
+            f"quaternion weights: the mean's quaternion has a length of {length.min():.2g} on the way"
+        )
+    chart = PoseChart.around_quaternions([q / length[:, None]])
+    turned, rates = chart.of_quaternions(q)
+    # Σ_t P[c, t] J[t, e, d] Φ[t, b], as in `pushed_forward`, of the orientation alone: positions stay as they are.
+    M = (rates.transpose(1, 2, 0)[:, :, None] * projection).reshape(-1, SAMPLES) @ phi
+    M = M.reshape(3, 4, B, B).transpose(0, 2, 1, 3).reshape(3 * B, 4 * B)
+    root = np.concatenate((factor[: 3 * B], M @ factor[3 * B :]))
+    weights, spread = np.concatenate((weight_mean[:3], (projection @ turned).T)), root @ root.T
+    return TrajectoryDistribution.of_sound_covariance(
+        basis, weights, spread, duration=duration, space="task", chart=chart
+    )
+
+
+@lru_cache(maxsize=16)
+def _on_grid(basis: GaussianBasis) -> tuple[Array, Array]:
+    """Φ (T, B) on the grid of phases and its pseudo-inverse (B, T), both to be read only."""
+    phi = basis.phi(np.linspace(0.0, 1.0, SAMPLES))
+    projection = np.linalg.pinv(phi)
+    for array in (phi, projection):
+        array.setflags(write=False)
+    return phi, np.asarray(projection, dtype=np.float64)

@@ -55,30 +55,50 @@ class ReducedDemonstrations:
         N, D, B = self.projected.shape
         return N, D, B
 
+    @property
+    def groups(self) -> list[tuple[Array, NDArray[np.bool_] | slice]]:
+        """R (B, B) of each group and what chooses its demonstrations."""
+        if len(self.factors) == 1:
+            return [(self.factors[0], slice(None))]
+        return [(R, self.group == u) for u, R in enumerate(self.factors)]
+
 
 def reduce_demonstrations(
     basis: GaussianBasis, demonstrations: Sequence[Array], phases: Sequence[Array] | None = None
 ) -> ReducedDemonstrations:
     """Reduce demonstrations (T_n, D), sampled evenly or at ``phases`` (T_n,)."""
-    lengths = np.array([len(values) for values in demonstrations])
+    sizes = [len(values) for values in demonstrations]
     if phases is not None:
-        members = [np.array([n]) for n in range(len(lengths))]
+        members = [np.array([n]) for n in range(len(sizes))]
         grids = [_factored(basis.phi(z)) for z in phases]
     else:
-        sampled = sorted(set(lengths.tolist()))
-        members = [np.flatnonzero(lengths == T) for T in sampled]
+        sampled = sorted(set(sizes))
+        members = [np.flatnonzero(np.array(sizes) == T) for T in sampled] if len(sampled) > 1 else []
         grids = [_even_grid(basis, T) if T <= CACHED_SAMPLES else _even(basis, T) for T in sampled]
     N, D, B = len(demonstrations), demonstrations[0].shape[1], basis.count
+    lengths = np.array(sizes)
+    if not members:
+        Q, R = grids[0]
+        projected, rest = _projected(Q, demonstrations, B)
+        return ReducedDemonstrations(R[None], np.zeros(N, dtype=np.int64), projected, rest, lengths)
     group = np.empty(N, dtype=np.int64)
-    projected, rest = np.zeros((N, D, B)), np.empty((N, D))
+    projected, rest = np.empty((N, D, B)), np.empty((N, D))
     for u, (of_group, (Q, _)) in enumerate(zip(members, grids, strict=True)):
-        values = np.concatenate([demonstrations[int(n)] for n in of_group], axis=1)
-        inside = Q.T @ values
-        left = np.einsum("ti,ti->i", values, values) - np.einsum("bi,bi->i", inside, inside)
         group[of_group] = u
-        projected[of_group, :, : len(inside)] = inside.T.reshape(len(of_group), D, len(inside))
-        rest[of_group] = np.maximum(left, 0.0).reshape(len(of_group), D)
+        projected[of_group], rest[of_group] = _projected(Q, [demonstrations[int(n)] for n in of_group], B)
     return ReducedDemonstrations(np.stack([R for _, R in grids]), group, projected, rest, lengths)
+
+
+def _projected(Q: Array, demonstrations: Sequence[Array], count: int) -> tuple[Array, Array]:
+    """``Qᵀ y`` (N, D, B), zeros beyond the columns of Q (T, min(T, B)), and the sums of squares (N, D) that it leaves."""
+    shape = len(demonstrations), -1, Q.shape[1]
+    values = np.array(demonstrations).transpose(1, 0, 2).reshape(len(Q), -1)
+    inside = values.T @ Q
+    left = np.einsum("ti,ti->i", values, values) - np.einsum("ib,ib->i", inside, inside)
+    projected = inside.reshape(shape)
+    if Q.shape[1] < count:
+        projected = np.concatenate((projected, np.zeros((*projected.shape[:2], count - Q.shape[1]))), axis=2)
+    return projected, np.maximum(left, 0.0).reshape(shape[:2])
 
 
 def _factored(phi: Array) -> tuple[Array, Array]:
@@ -104,8 +124,7 @@ def marginal_log_likelihood(
     noise = np.maximum(noise_variance, SMALLEST_NOISE**2)
     blocks = covariance.reshape(D, B, D, B)
     result = np.empty(N)
-    for u, R in enumerate(demonstrations.factors):
-        chosen = demonstrations.group == u
+    for R, chosen in demonstrations.groups:
         spread = np.einsum("ij,djek,lk->diel", R, blocks, R, optimize=True).reshape(D * B, D * B)
         # In units of the noise its covariance is the identity: all eigenvalues are at least one.
         unit = np.repeat(np.sqrt(noise), B)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol
@@ -16,18 +17,23 @@ __all__ = ["Estimator", "Ridge", "WeightEstimate", "per_degree", "shrunk_covaria
 
 Array = NDArray[np.float64]
 
+SMALLEST_STD = 1e-12  # of a weight; below it the weight does not vary
+ROUNDING = 1e-12
+
 
 @dataclass(frozen=True, eq=False)
 class WeightEstimate:
     """What an estimator finds: mean (D, B), covariance (D·B, D·B), noise_std (D,) of the weights' distribution.
 
-    ``log_likelihood`` has the demonstrations' log-likelihood before each iteration, if there were any.
+    ``log_likelihood`` has the demonstrations' log-likelihood before each iteration, if there were any. ``sound`` says that
+    the covariance is symmetric and positive semi-definite as it was computed, so that nobody needs to look.
     """
 
     mean: Array
     covariance: Array
     noise_std: Array
     log_likelihood: tuple[float, ...] = ()
+    sound: bool = False
 
 
 class Estimator(Protocol):
@@ -73,9 +79,8 @@ class Ridge:
     def weights(self, demonstrations: ReducedDemonstrations) -> Array:
         """Weights (N, D, B) of each demonstration."""
         result = np.empty(demonstrations.shape)
-        for u, R in enumerate(demonstrations.factors):
-            chosen = demonstrations.group == u
-            inverse = _ridge_inverse(R.tobytes(), len(R), self.penalty)
+        for R, chosen in demonstrations.groups:
+            inverse, _ = _ridge_inverse(R.tobytes(), len(R), self.penalty)
             result[chosen] = demonstrations.projected[chosen] @ inverse.T
         return result
 
@@ -88,22 +93,23 @@ class Ridge:
             spread = per_degree(spread, D)
         diagonal = np.einsum("ii->i", spread)
         np.maximum(diagonal, self.minimum_std**2, out=diagonal)
-        squares = demonstrations.rest.sum(axis=0)
-        for u, R in enumerate(demonstrations.factors):
-            chosen = demonstrations.group == u
-            left = demonstrations.projected[chosen] - weights[chosen] @ R.T
+        squares = np.add.reduce(demonstrations.rest, axis=0)
+        for R, chosen in demonstrations.groups:
+            _, missing = _ridge_inverse(R.tobytes(), len(R), self.penalty)
+            left = demonstrations.projected[chosen] @ missing.T
             squares += np.einsum("ndb,ndb->d", left, left)
-        noise = np.sqrt(squares / demonstrations.lengths.sum())
-        return WeightEstimate(weights.mean(axis=0), spread, noise)
+        noise = np.sqrt(squares / np.add.reduce(demonstrations.lengths))
+        return WeightEstimate(np.add.reduce(weights, axis=0) / N, spread, noise, sound=True)
 
 
 @lru_cache(maxsize=64)
-def _ridge_inverse(factor: bytes, count: int, penalty: float) -> Array:
-    """Matrix (B, B) from ``Qᵀ y`` to ridge weights, for the R (B, B) that the bytes hold."""
+def _ridge_inverse(factor: bytes, count: int, penalty: float) -> tuple[Array, Array]:
+    """Matrices (B, B) from ``Qᵀ y`` to ridge weights and to what these miss of it, for the R (B, B) that the bytes hold."""
     R = np.frombuffer(factor).reshape(count, count)
     # Solved as an augmented least-squares problem: its condition is cond(Φ), not cond(Φ)².
     root = np.sqrt(penalty * np.square(R).sum() / count)
-    return np.asarray(np.linalg.pinv(np.concatenate((R, root * np.eye(count))))[:, :count])
+    inverse = np.asarray(np.linalg.pinv(np.concatenate((R, root * np.eye(count))))[:, :count])
+    return inverse, np.eye(count) - R @ inverse
 
 
 def per_degree(covariance: Array, dimensions: int) -> Array:
@@ -122,28 +128,31 @@ def shrunk_covariance(samples: Array, shrinkage: float | None = None) -> Array:
     count = len(samples)
     if count < 2:
         return np.zeros((samples.shape[1], samples.shape[1]))
-    centred = samples - samples.mean(axis=0)
-    std = np.sqrt(np.einsum("mi,mi->i", centred, centred) / (count - 1))
-    standard = np.divide(centred, std, out=np.zeros_like(centred), where=std > 1e-12)
-    correlation = standard.T @ standard / (count - 1)
+    centred = samples - np.add.reduce(samples, axis=0) / count
+    variances = np.einsum("mi,mi->i", centred, centred) / (count - 1)
     if shrinkage is None:
-        shrinkage = _estimated_shrinkage(standard, correlation)
-    variances = correlation.diagonal().copy()
-    correlation *= 1.0 - shrinkage
-    correlation.flat[:: len(variances) + 1] = variances
-    return np.asarray(std[:, None] * correlation * std, dtype=np.float64)
+        shrinkage = _estimated_shrinkage(centred, variances)
+    root = math.sqrt((1.0 - shrinkage) / (count - 1)) * centred
+    covariance = root.T @ root  # of one and the same array: symmetric to the last bit
+    covariance.flat[:: len(variances) + 1] = variances
+    return np.asarray(covariance, dtype=np.float64)
 
 
-def _estimated_shrinkage(standard: Array, correlation: Array) -> float:
+def _estimated_shrinkage(centred: Array, variances: Array) -> float:
     """Sums over i ≠ j as the sum over all less that of the diagonal."""
-    count = len(standard)
+    count = len(centred)
     if count < 3:
         return 1.0
-    squares = standard * standard
-    own = correlation.diagonal()
-    strength = float(np.vdot(correlation, correlation) - own @ own)
-    if strength <= 0.0:
+    varies = variances > SMALLEST_STD**2
+    standard = centred * np.divide(1.0, np.sqrt(variances), out=np.zeros_like(variances), where=varies)
+    # The products of the weights and those of the samples have the same sum of squares: the fewer are made.
+    products = standard @ standard.T if count < len(variances) else standard.T @ standard
+    strength = float(np.vdot(products, products)) / (count - 1) ** 2 - int(np.count_nonzero(varies))
+    # Of fewer than two weights that vary, rounding is left.
+    if strength <= ROUNDING * len(variances):
         return 1.0
-    fourth = float(np.square(squares.sum(axis=1)).sum() - np.square(squares).sum())
-    variances = count / (count - 1) ** 3 * (fourth - (count - 1) ** 2 / count * strength)
-    return float(np.clip(variances / strength, 0.0, 1.0))
+    squares = standard * standard
+    lengths = np.add.reduce(squares, axis=1)
+    fourth = float(np.vdot(lengths, lengths) - np.vdot(squares, squares))
+    noise = count / (count - 1) ** 3 * (fourth - (count - 1) ** 2 / count * strength)
+    return min(max(noise / strength, 0.0), 1.0)

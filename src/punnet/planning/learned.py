@@ -17,8 +17,9 @@ from punnet.errors import BundleError, FileFormatError, ShapeError
 from punnet.geometry import CameraIntrinsics, is_transform
 from punnet.movement import GaussianBasis, TrajectoryDistribution
 from punnet.movement.distribution import Space
+from punnet.movement.pushforward import from_quaternion_factor
 from punnet.planning.berry_light import UNKNOWN
-from punnet.planning.reaches import DEGREES, SIDE, Movements, Reaches, as_distribution
+from punnet.planning.reaches import DEGREES, SIDE, Movements, Reaches
 
 __all__ = [
     "PLANNER_FILE",
@@ -171,7 +172,7 @@ class MovementModel:
     ) -> None:
         self._path, self.name, self.space = path, name, space
         self.basis, self.duration = basis, duration
-        self._graph = Graph(path, _MAKE_AGAIN)
+        self._graph = Graph(path, _MAKE_AGAIN, threads=1)  # on a millisecond of work others only wait
         self._inputs, outputs = set(self._graph.inputs), set(self._graph.outputs)
         if not self._inputs or not self._inputs <= {PICTURE, BOX, LIGHT} or outputs != {"mean", "factor"}:
             raise BundleError(
@@ -210,6 +211,11 @@ class MovementModel:
         BundleError
             If the graph fails or gives something else.
         """
+        mean, factor = self._predicted(pictures, boxes, lights)
+        return Movements(mean, factor @ factor.transpose(0, 2, 1))
+
+    def _predicted(self, pictures: NDArray[np.uint8], boxes: Array, lights: Array) -> tuple[Array, Array]:
+        """Means (N, 7, B) and factors (N, 7·B, R)."""
         N, B = len(boxes), self.basis.count
         if pictures.shape != (N, SIDE, SIDE, 3) or boxes.shape != (N, 4) or lights.shape != (N,):
             raise ShapeError(
@@ -229,7 +235,7 @@ class MovementModel:
             raise BundleError(
                 f"{self._path}: gave mean {mean.shape} and factor {factor.shape}; {_MAKE_AGAIN}"
             )
-        return Movements(mean, factor @ factor.transpose(0, 2, 1))
+        return mean, factor
 
     def distribution(
         self, picture: NDArray[np.uint8], box: Array, light: float = UNKNOWN
@@ -239,10 +245,12 @@ class MovementModel:
         Raises
         ------
         ShapeError
-            If a predicted quaternion has no direction.
+            If a predicted quaternion has no direction, or a number is not finite.
         """
-        found = self.movements(picture[None], box[None], np.array([light]))
-        return as_distribution(self.basis, found.mean[0], found.covariance[0], self.space, self.duration)
+        (mean,), (factor,) = self._predicted(picture[None], box[None], np.array([light]))
+        if self.space == "task":
+            return from_quaternion_factor(self.basis, mean, factor, duration=self.duration)
+        return TrajectoryDistribution(self.basis, mean, factor @ factor.T, self.duration)
 
 
 def planner_bundle(source: Bundle | str | Path) -> tuple[MovementModel, PlannerSettings, Manifest]:

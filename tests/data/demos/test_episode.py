@@ -106,3 +106,12 @@ def test_pictures_that_can_not_be_had(tmp_path: Path) -> None:
         read_depth(tmp_path / "grey.png", 0.001)
     with pytest.raises(ShapeError, match="depth_scale"):
         Photograph(PictureFile(tmp_path / "grey.png"), depth_scale=0.0)
+
+
+def test_what_a_network_sees_is_the_mean_over_each_cell() -> None:
+    rgb = np.random.default_rng(0).integers(0, 256, (90, 160, 3), dtype=np.uint8)
+    marked = mark_target(rgb, [30.0, 20.0, 61.0, 47.0]).astype(float)
+    cells = np.repeat(np.eye(16), 45, axis=1).reshape(16, 90, 8).sum(axis=2) / 45  # 5.625 rows each
+    expected = np.einsum("ah,hwc,bw->abc", cells, marked, np.repeat(np.eye(16), 10, axis=1) / 10)
+    seen = target_picture(rgb, [30.0, 20.0, 61.0, 47.0], 16)
+    assert np.abs(seen - expected).max() <= 0.5 + 1e-4

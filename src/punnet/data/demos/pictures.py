@@ -152,16 +152,8 @@ def mark_target(rgb: NDArray[np.uint8], box: ArrayLike) -> NDArray[np.uint8]:
     ShapeError
         If the box is empty or outside the picture.
     """
-    x0, y0, x1, y1 = (float(value) for value in np.asarray(box, dtype=np.float64).ravel())
-    height, width = rgb.shape[:2]
-    left, top = max(0, round(x0)), max(0, round(y0))
-    right, bottom = min(width, round(x1)), min(height, round(y1))
-    if left >= right or top >= bottom:
-        raise ShapeError(
-            f"target box {[x0, y0, x1, y1]} (xyxy) is empty or outside the {width}×{height} picture"
-        )
     marked = rgb.copy()
-    marked[top:bottom, left:right] = 255
+    marked[_pixels_inside(rgb, box)] = 255
     return marked
 
 
@@ -171,6 +163,27 @@ def target_picture(
     """What a network sees: the target marked (if a box is given), the whole squeezed to (side, side, 3).
 
     The aspect is not kept, as in the lab's code.
+
+    Raises
+    ------
+    ShapeError
+        If the box is empty or outside the picture.
     """
-    marked = rgb if box is None else mark_target(rgb, box)
-    return np.asarray(cv2.resize(marked, (side, side), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    values = rgb.astype(np.float32)
+    if box is not None:
+        values[_pixels_inside(rgb, box)] = 255.0
+    # Across, then down: OpenCV is quicker at means over whole pixels, and the widths of cameras are multiples of 128.
+    across = cv2.resize(values, (side, len(rgb)), interpolation=cv2.INTER_AREA)
+    return np.asarray(np.rint(cv2.resize(across, (side, side), interpolation=cv2.INTER_AREA)), dtype=np.uint8)
+
+
+def _pixels_inside(rgb: NDArray[np.uint8], box: ArrayLike) -> tuple[slice, slice]:
+    x0, y0, x1, y1 = (float(value) for value in np.asarray(box, dtype=np.float64).ravel())
+    height, width = rgb.shape[:2]
+    left, top = max(0, round(x0)), max(0, round(y0))
+    right, bottom = min(width, round(x1)), min(height, round(y1))
+    if left >= right or top >= bottom:
+        raise ShapeError(
+            f"target box {[x0, y0, x1, y1]} (xyxy) is empty or outside the {width}×{height} picture"
+        )
+    return slice(top, bottom), slice(left, right)
