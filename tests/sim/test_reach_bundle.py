@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from punnet.bundle import load_bundle
-from punnet.errors import ConfigurationError, OutputExistsError
+from punnet.errors import ConfigurationError, OutputError, OutputExistsError
 from punnet.movement import TrajectoryDistribution
 from punnet.sim.demonstrations import simulate_demonstrations
 from punnet.sim.reach_bundle import build_reach_bundle, fit_reach
@@ -30,6 +30,20 @@ def test_build_evaluates_on_what_it_left_out(tmp_path: Path) -> None:
     assert 0.5 < results["coverage_2_sigma"] <= 1.0
     with pytest.raises(OutputExistsError, match="--force"):
         build_reach_bundle(tmp_path / "reach", configurations=3, repeats=1)
+
+
+def test_a_place_that_is_taken_is_refused_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def simulate(*arguments: object, **options: object) -> None:
+        raise AssertionError("simulated for nothing")
+
+    monkeypatch.setattr("punnet.sim.reach_bundle.simulate_demonstrations", simulate)
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "one.jpg").write_bytes(b"")
+    for name, force in (("photos", False), ("photos", True), ("reach.onnx", False)):
+        with pytest.raises(OutputError):
+            build_reach_bundle(tmp_path / name, force=force)
 
 
 def test_too_few_configurations_are_refused(tmp_path: Path) -> None:

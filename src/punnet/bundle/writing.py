@@ -13,7 +13,18 @@ from punnet.bundle.manifest import MANIFEST_FILE, Manifest, file_sha256
 from punnet.errors import BundleError
 from punnet.outputs import OutputFolder
 
-__all__ = ["write_bundle"]
+__all__ = ["require_bundle_place", "write_bundle"]
+
+
+def require_bundle_place(folder: str | Path, *, force: bool = False) -> None:
+    """Refuse at once, before long work, a place where :func:`write_bundle` would not write in the end.
+
+    Raises
+    ------
+    OutputExistsError, OutputError
+        As it does.
+    """
+    OutputFolder(folder, force=force, marker=MANIFEST_FILE).require_replaceable()
 
 
 def write_bundle(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from punnet.bundle import Manifest, write_bundle
+from punnet.bundle import Manifest, require_bundle_place, write_bundle
 from punnet.errors import ConfigurationError, PlanningError
 from punnet.movement import ProMP, TrajectoryDistribution
 from punnet.planning.promp_depth import ProMPDepthPlanner
@@ -52,6 +52,7 @@ def build_reach_bundle(
     """
     if configurations < 3:
         raise ConfigurationError(f"reach bundle: at least 3 configurations are needed, got {configurations}")
+    require_bundle_place(folder, force=force)
     arm = Panda()
     demonstrations = simulate_demonstrations(np.random.default_rng(seed), configurations, repeats, arm=arm)
     promp = fit_reach(demonstrations)

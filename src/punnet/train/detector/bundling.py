@@ -11,10 +11,8 @@ from typing import Any
 
 import torch
 
-from punnet.bundle import Manifest, write_bundle
-from punnet.bundle.manifest import MANIFEST_FILE
+from punnet.bundle import Manifest, require_bundle_place, write_bundle
 from punnet.errors import ConfigurationError
-from punnet.outputs import OutputFolder
 from punnet.perception.evaluation import EVALUATION_SCHEMA
 from punnet.perception.learned import DETECTOR_FILE, MODEL_FILE
 from punnet.train.detector.config import DetectorConfig, config_from_json
@@ -94,7 +92,7 @@ def bundle_run(
         If ``folder`` exists and ``force`` is not set, or it exists and is no bundle.
     """
     settings = _settings_of(run)
-    OutputFolder(folder, force=force, marker=MANIFEST_FILE).require_replaceable()
+    require_bundle_place(folder, force=force)
     terms = _kept_terms(terms, settings.get("start"))
     network = network_of_checkpoint(run / CHECKPOINTS / LAST)
     with tempfile.TemporaryDirectory() as scratch:
