@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from punnet.errors import OutputError, OutputExistsError
-from punnet.outputs import MARKER_FILE, Interrupted, OutputFolder
+from punnet.outputs import FIGURES, MARKER_FILE, Interrupted, OutputFolder, require_suffix
 
 
 def contents(folder: Path) -> set[str]:
@@ -67,6 +67,14 @@ def test_a_file_in_the_way(tmp_path: Path) -> None:
     for place in ("file/out", "file/deep/out"):
         with pytest.raises(OutputError, match="file stands where a folder"):
             write(tmp_path / place, "x")
+
+
+def test_a_file_is_called_what_it_is() -> None:
+    for name in ("a.svg", "b/A.PNG"):
+        require_suffix(name, *FIGURES)
+    for name in ("a.txt", "png", "a.svg.gz"):
+        with pytest.raises(OutputError, match=r"ends in \.png or \.svg or \.pdf"):
+            require_suffix(name, *FIGURES)
 
 
 @pytest.mark.parametrize("name", ["overlay.png", "SCORES.JSON"])

@@ -13,35 +13,29 @@ from types import TracebackType
 from punnet.errors import OutputError, OutputExistsError
 
 __all__ = [
+    "FIGURES",
     "MARKER_FILE",
     "Interrupted",
     "OutputFolder",
     "mark",
     "replace_folder",
     "require_folder_name",
+    "require_suffix",
     "staging_beside",
     "told_folder_errors",
     "write_bytes",
     "write_text",
 ]
 
+FIGURES = (".png", ".svg", ".pdf")
+"""Ends of names that a figure is written as."""
+
 MARKER_FILE = ".punnet-output.json"
 """Marks a folder as made by Punnet; ``force`` replaces no other."""
 
-FILE_SUFFIXES = {
-    ".csv",
-    ".html",
-    ".jpeg",
-    ".jpg",
-    ".json",
-    ".md",
-    ".mp4",
-    ".onnx",
-    ".parquet",
-    ".pdf",
-    ".png",
-    ".svg",
-}
+PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".pdf", ".png", ".svg", ".tif", ".tiff", ".webp")
+OTHER_FILES = (".csv", ".html", ".json", ".md", ".mp4", ".npz", ".onnx", ".parquet", ".txt", ".zip")
+FILE_SUFFIXES = {*PICTURES, *OTHER_FILES}
 """Ends of names that nobody gives to a folder."""
 
 
@@ -176,6 +170,18 @@ def require_folder_name(folder: str | Path) -> None:
         raise OutputError(
             f"{folder}: is called like a file, but a folder is written; leave '{folder.suffix}' out"
         )
+
+
+def require_suffix(path: str | Path, *suffixes: str) -> None:
+    """Refuse to write a file under a name that says it is something else.
+
+    Raises
+    ------
+    OutputError
+        If it ends in none of ``suffixes``, capitals or not.
+    """
+    if Path(path).suffix.lower() not in suffixes:
+        raise OutputError(f"{path}: give a name that ends in {' or '.join(suffixes)}")
 
 
 @contextmanager

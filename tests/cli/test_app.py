@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import shlex
 import subprocess
 import sys
 import time
+from typing import Any
 
 import pytest
 import typer
@@ -32,6 +34,19 @@ def test_every_command_has_help_with_an_example(punnet, command: tuple[str, ...]
     assert result.code == 0
     text = " ".join(result.out.split())
     assert f"Example: punnet {' '.join(command)}" in text
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_every_example_is_understood(command: tuple[str, ...]) -> None:
+    leaf: Any = typer.main.get_command(app)
+    for name in command:
+        leaf = leaf.commands[name]
+    example = shlex.split(leaf.epilog.removeprefix("Example: punnet "))
+    assert tuple(example[: len(command)]) == command
+    arguments = example[len(command) :]
+    if ">" in arguments:  # that is for the shell
+        arguments = arguments[: arguments.index(">")]
+    leaf.make_context(" ".join(command), arguments)  # raises at an option that is not there
 
 
 def test_the_commands_of_the_readme_are_there(punnet) -> None:

@@ -82,6 +82,7 @@ def test_bad_input_is_named(punnet, tmp_path, taken):
     punnet("benchmark", "harvest", "--backend", "threads").fails_with("backend", "loky")
     punnet("benchmark", "harvest", "--out", taken).fails_with("is no harvest benchmark")
     punnet("benchmark", "compare", tmp_path).fails_with("figures.json")
+    punnet("benchmark", "compare", tmp_path, "--out", tmp_path / "a.txt").fails_with("ends in .png")
     BenchmarkFolder(tmp_path / "begun", {"suite": "easy"}).open(force=False)
     (tmp_path / "begun" / "figures.json").write_text("{}")
     punnet("benchmark", "compare", tmp_path / "begun").fails_with("no figures")

@@ -48,4 +48,5 @@ def test_bad_input(punnet, errors: Path, tmp_path: Path) -> None:
     punnet("benchmark", "packing", tmp_path / "none.json").fails_with("none.json", "can't be read")
     punnet("benchmark", "packing", errors, "--nominal", "0").fails_with("no tolerance")
     punnet("benchmark", "packing", errors, "--nominal", "20000").fails_with("goes up to 10000 g")
+    punnet("benchmark", "packing", errors, "--out", tmp_path / "a.svg").fails_with("a.svg", "ends in .png")
     assert punnet("benchmark", "packing", errors, "--open", "0").code == 2

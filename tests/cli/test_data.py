@@ -83,6 +83,7 @@ def test_fix_writes_a_new_file_and_reports_what_is_left(punnet, folder: Path, tm
     assert (out.parent / fixed["images"][0]["file_name"]).resolve() == folder.resolve() / "plant0-1.png"
     punnet("data", "validate", path, "--fix", "--out", out).fails_with("exists", "another name")
     punnet("data", "validate", path, "--fix", "--out", path).fails_with("exists")
+    punnet("data", "validate", path, "--fix", "--out", tmp_path / "fixed").fails_with("ends in .json")
     assert path.read_bytes() == before
     assert punnet("data", "validate", path, "--fix").code == 2
 
@@ -150,6 +151,8 @@ def test_split_says_what_it_does_not_know(punnet, folder: Path, tmp_path: Path) 
     assert "4 images are in no list" in result.err
     assert "more than one part, 'plant0'" in result.err
     punnet("data", "split", folder, "--out", tmp_path / "x", "--train", "0.5").fails_with("sum to 0.7")
+    gone = ("--list", tmp_path / "gone.json")
+    punnet("data", "split", folder, "--out", tmp_path / "x", *gone).fails_with("gone.json: no such file")
 
 
 def test_view_writes_sheets(punnet, folder: Path, tmp_path: Path) -> None:
@@ -216,6 +219,9 @@ def test_convert_leaves_out_what_is_damaged(punnet, folder: Path, tmp_path: Path
     assert sum(len(image.annotations) for image in dataset) == 9
     assert punnet("data", "validate", out).code == 0
     punnet("data", "convert", folder, "--out", out).fails_with("exists", "--force")
+    punnet("data", "convert", folder, "--out", tmp_path / "a.txt").fails_with("a.txt", "ends in .json")
+    yolo = ("--to", "yolo-pose", "--out", tmp_path / "a.json")
+    punnet("data", "convert", folder, *yolo).fails_with("called like a file, but a folder")
     assert punnet("data", "convert", folder, "--out", out, "--force", "--json").code == 1
 
 

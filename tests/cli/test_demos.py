@@ -106,5 +106,6 @@ def test_simulate_a_folder(punnet: Punnet, tmp_path: Path) -> None:
 
 def test_simulate_needs_one_place(punnet: Punnet, tmp_path: Path) -> None:
     assert punnet("demos", "simulate").code == 2
+    punnet("demos", "simulate", "--out", tmp_path / "demos.zip").fails_with("called like a file", "leave")
     both = ("--out", tmp_path / "a", "--bundle", tmp_path / "b")
     assert punnet("demos", "simulate", *both).code == 2

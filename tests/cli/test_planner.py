@@ -158,6 +158,20 @@ def test_what_plan_refuses(punnet, reach_run: Path, photograph, tmp_path: Path) 
     )
 
 
+def test_chapter_6_refuses_at_once(punnet, demos: Path, tmp_path: Path) -> None:
+    runs = ("--runs", tmp_path / "runs", "--quick")
+    punnet("reproduce", "table-6-1", "--data", tmp_path / "gone", *runs).fails_with(
+        "gone: no such file or folder"
+    )
+    punnet("reproduce", "table-6-1", "--unseen", tmp_path / "gone", *runs).fails_with(
+        "gone: no such file or folder"
+    )
+    punnet("reproduce", "fig-6-9", "--out", tmp_path / "fig.txt", *runs).fails_with(
+        "fig.txt", "ends in .png or"
+    )
+    assert not (tmp_path / "runs").exists()  # nothing was simulated before
+
+
 def test_chapter_6_from_one_set_of_networks(
     punnet, reach_demonstrations, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

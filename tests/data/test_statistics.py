@@ -87,7 +87,7 @@ def test_a_figure(dataset: Dataset, tmp_path: Path) -> None:
 
 
 def test_a_figure_of_an_unknown_kind_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="png, svg, pdf"):
+    with pytest.raises(OutputError, match=r"figure\.doc: give a name that ends in \.png or \.svg or \.pdf"):
         draw_statistics(dataset_statistics(a_set()), tmp_path / "figure.doc")
     assert not list(tmp_path.iterdir())
 

@@ -122,8 +122,10 @@ def compare(
     """Set benchmarks side by side: a table, and a picture of what became of every reachable ripe berry."""
     from punnet.harvest.benchmark_folder import read_figures
     from punnet.harvest.benchmark_picture import draw_outcomes, row_name
-    from punnet.outputs import write_bytes
+    from punnet.outputs import require_suffix, write_bytes
 
+    if out is not None:
+        require_suffix(out, ".png")
     figures = [read_figures(folder) for folder in runs]
     if out is not None:
         write_bytes(out, draw_outcomes(figures), force=force)

@@ -50,13 +50,15 @@ def packing(
 
     The table and the picture hold the look-ahead packer, first-fit and filling by count, with weigh cells and without.
     """
-    from punnet.outputs import write_bytes
+    from punnet.outputs import require_suffix, write_bytes
     from punnet.weight.packing import PackingConfig
     from punnet.weight.packing.batches import read_errors, read_weights
     from punnet.weight.packing.comparison import compare
 
-    if out is not None and out.exists() and not force:
-        raise OutputExistsError(f"{out}: exists; give another name or --force")
+    if out is not None:
+        require_suffix(out, ".png")
+        if out.exists() and not force:
+            raise OutputExistsError(f"{out}: exists; give another name or --force")
     comparison = compare(
         read_errors(errors),
         PackingConfig(nominal=nominal, most_berries=most_berries, cell_error=cell_error),

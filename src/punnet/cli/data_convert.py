@@ -56,9 +56,14 @@ def convert(
     """
     from punnet.data.lenient import read_readable, with_photographs
     from punnet.errors import ConfigurationError, FileFormatError
+    from punnet.outputs import require_folder_name, require_suffix
 
     if lists is not None and to is Target.COCO:
         raise ConfigurationError("--list is for YOLO; punnet data split writes a COCO file for each part")
+    if to is Target.COCO:
+        require_suffix(out, ".json")
+    else:
+        require_folder_name(out)
     with busy("reading"):
         dataset, faults = read_readable(path, data_format, class_map=class_map_of(class_map))
     with counted_progress("checking photographs") as progress:

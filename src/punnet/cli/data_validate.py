@@ -90,8 +90,9 @@ def _write(raw: RawCoco, out: Path) -> None:
 
     from punnet.data.fixing import rebase
     from punnet.errors import OutputExistsError
-    from punnet.outputs import write_text
+    from punnet.outputs import require_suffix, write_text
 
+    require_suffix(out, ".json")
     # Inside a folder where photographs lie in a folder of their own, names stay as they are.
     data = raw.data
     if out.resolve().parent != raw.path.resolve().parent:

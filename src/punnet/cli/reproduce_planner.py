@@ -9,6 +9,7 @@ import typer
 
 from punnet.cli.console import counted_progress, note, print_json, say, whisper
 from punnet.cli.options import Json
+from punnet.outputs import FIGURES, require_suffix
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -55,7 +56,8 @@ def register_planner(group: typer.Typer) -> None:
         ("fig-6-12", fig_6_12),
         ("fig-6-14", fig_6_14),
     ):
-        group.command(name, epilog=f"Example: punnet reproduce {name} --quick")(command)
+        short = "" if command is fig_6_8 else " --quick"
+        group.command(name, epilog=f"Example: punnet reproduce {name}{short}")(command)
 
 
 def table_6_1(
@@ -133,9 +135,9 @@ def fig_6_8(data: Learnt = None, runs: Runs = DEFAULT_RUNS, out: Out = None, as_
     from punnet.movement import choose_basis
 
     need_training()
+    picture = _picture(runs, out, "fig-6-8")
     demonstrations = read_demos(_simulated(runs, LEARNT, LEARNT_SEED) if data is None else data)
     choice = choose_basis([episode.joints.values for episode in demonstrations if episode.joints is not None])
-    picture = _picture(runs, out, "fig-6-8")
     choice.plot(picture)
     mean = choice.mse.mean(axis=1)
     if as_json:
@@ -166,7 +168,8 @@ def fig_6_9(
     """Training loss of the MLPs, logarithmic."""
     from punnet.train.planner.charts_6 import draw_figure_6_9
 
-    _draw("6.9", draw_figure_6_9, _chapter(runs, data, unseen, quick, 1, workers), runs, out, as_json)
+    picture = _picture(runs, out, "fig-6-9")
+    _draw("6.9", draw_figure_6_9, _chapter(runs, data, unseen, quick, 1, workers), picture, as_json)
 
 
 def fig_6_10(
@@ -181,7 +184,8 @@ def fig_6_10(
     """The cVAE's prediction of joints on an unseen target, beside what was demonstrated."""
     from punnet.train.planner.charts_6 import draw_figure_6_10
 
-    _draw("6.10", draw_figure_6_10, _chapter(runs, data, unseen, quick, 1, workers), runs, out, as_json)
+    picture = _picture(runs, out, "fig-6-10")
+    _draw("6.10", draw_figure_6_10, _chapter(runs, data, unseen, quick, 1, workers), picture, as_json)
 
 
 def fig_6_12(
@@ -209,6 +213,7 @@ def fig_6_12(
     from punnet.train.planner.executed import execute_predictions
     from punnet.train.planner.tables_6 import TUNED, figure_6_12
 
+    picture = _picture(runs, out, "fig-6-12")
     chapter = _chapter(runs, data, unseen, quick, 1, workers)
     demonstrations = read_demos(
         _simulated(runs, EXECUTED, EXECUTED_SEED, "multi") if before is None else before
@@ -227,7 +232,6 @@ def fig_6_12(
         executed = execute_predictions(
             predictions, demonstrations, reaches, workers=workers, progress=lambda done: show(done, plants)
         )
-    picture = _picture(runs, out, "fig-6-12")
     drawn = draw_figure_6_12(executed, picture)
     table = figure_6_12(executed)
     if as_json:
@@ -251,7 +255,8 @@ def fig_6_14(
     """Latent vectors in the plane (t-SNE), before and after tuning."""
     from punnet.train.planner.charts_6 import draw_figure_6_14
 
-    _draw("6.14", draw_figure_6_14, _chapter(runs, data, unseen, quick, 1, workers), runs, out, as_json)
+    picture = _picture(runs, out, "fig-6-14")
+    _draw("6.14", draw_figure_6_14, _chapter(runs, data, unseen, quick, 1, workers), picture, as_json)
 
 
 def _chapter(
@@ -265,11 +270,14 @@ def _chapter(
     from punnet.planning.reaches import reaches_from
     from punnet.train.planner.chapter_6 import train_chapter
 
-    seen = _simulated(runs, LEARNT, LEARNT_SEED) if data is None else data
-    other = _simulated(runs, UNSEEN, UNSEEN_SEED) if unseen is None else unseen
+    given = [None if place is None else reaches_from(read_demos(place)) for place in (data, unseen)]
+    learnt, other = (
+        reaches_from(read_demos(_simulated(runs, name, seed))) if reaches is None else reaches
+        for reaches, name, seed in zip(given, (LEARNT, UNSEEN), (LEARNT_SEED, UNSEEN_SEED), strict=True)
+    )
     return train_chapter(
-        reaches_from(read_demos(seen)),
-        reaches_from(read_demos(other)),
+        learnt,
+        other,
         folder=runs / (f"{NETWORKS}-quick" if quick else NETWORKS),
         seeds=range(seeds),
         quick=quick,
@@ -320,11 +328,9 @@ def _draw(
     figure: str,
     draw: Callable[[ChapterSix, Path], dict[str, Any] | None],
     chapter: ChapterSix,
-    runs: Path,
-    out: Path | None,
+    picture: Path,
     as_json: bool,
 ) -> None:
-    picture = _picture(runs, out, f"fig-{figure.replace('.', '-')}")
     drawn = draw(chapter, picture) or {}
     if as_json:
         print_json({"figure": figure, "picture": str(picture), "settings": chapter.settings, **drawn})
@@ -334,5 +340,6 @@ def _draw(
 
 def _picture(runs: Path, out: Path | None, name: str) -> Path:
     picture = runs / f"{name}.png" if out is None else out
+    require_suffix(picture, *FIGURES)
     picture.parent.mkdir(parents=True, exist_ok=True)
     return picture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import sys
@@ -18,7 +17,7 @@ from punnet.cli.console import print_json, say, whisper
 from punnet.cli.options import Force, Json
 from punnet.cli.train_planner import register_planner
 from punnet.cli.train_weight import register_weight
-from punnet.errors import ConfigurationError, FileFormatError
+from punnet.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from punnet.train.detector.config import Source
@@ -137,6 +136,7 @@ def bundle(
     need_pytorch()
     from punnet.train.detector.bundling import Terms, bundle_run
     from punnet.train.planner.training import bundle_planner_run, is_planner_run
+    from punnet.train.runs import read_object
     from punnet.train.weight.bundling import bundle_weight_run
     from punnet.train.weight.training import is_weight_run
 
@@ -151,7 +151,7 @@ def bundle(
         out,
         name=name or out.name,
         terms=Terms(licence, restriction, citation),
-        results={key: _read_json(Path(path)) for key, path in (_named(r) for r in results or [])},
+        results={key: read_object(Path(path)) for key, path in (_named(r) for r in results or [])},
         command=command,
         force=force,
     )
@@ -226,16 +226,6 @@ SOURCE_OPTIONS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "split": ("images", _listed),
     "ignore": ("ignored", _stages),
 }
-
-
-def _read_json(path: Path) -> dict[str, Any]:
-    try:
-        data = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise FileFormatError(f"{path}: not readable as JSON ({error})") from error
-    if not isinstance(data, dict):
-        raise FileFormatError(f"{path}: a JSON object is needed")
-    return data
 
 
 def _named(text: str) -> tuple[str, str]:

@@ -47,12 +47,15 @@ def weigh(
     as_json: Json = False,
 ) -> None:
     """Weigh berries by eye: grams with an interval, from colour, depth and the camera."""
+    from punnet.errors import FileFormatError
     from punnet.outputs import OutputFolder
     from punnet.scene import Frame
     from punnet.weight.choosing import load_weight_estimator
 
     scale = load_weight_estimator(estimator)
     frame = Frame.from_files(rgb, depth=depth, camera=camera)
+    if frame.camera is None:
+        raise FileFormatError(f"{camera}: holds no camera; width, height, fx, fy, cx and cy are needed")
     berries = detector_for_photographs(detector).detect(frame)
     estimates = scale.estimate(frame, berries)
     berries = berries.with_fields(weights=estimates.grams, weight_intervals=estimates.intervals)

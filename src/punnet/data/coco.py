@@ -20,7 +20,7 @@ from punnet.data.coco_entries import (
 from punnet.data.dataset import AnnotatedImage, Annotation, Dataset
 from punnet.data.reading import beside, find_image_folder, integer, read_json, require_object
 from punnet.errors import FileFormatError, OutputError, ShapeError
-from punnet.outputs import write_text
+from punnet.outputs import require_suffix, write_text
 from punnet.scene import CLASSES, KEYPOINTS
 
 __all__ = ["CocoFile", "dataset_to_coco", "open_coco", "read_coco", "write_coco"]
@@ -208,9 +208,12 @@ def write_coco(dataset: Dataset, path: str | Path, *, force: bool = False) -> Pa
     ------
     OutputExistsError
         If the file exists and ``force`` is not set.
+    OutputError
+        If its name does not end in ``.json``, by which it is known when it is read.
     FileFormatError
         If a mask is in a file that is missing or damaged.
     """
+    require_suffix(path, ".json")
     try:
         text = json.dumps(dataset_to_coco(dataset, Path(path).parent), allow_nan=False)
     except (TypeError, ValueError) as error:

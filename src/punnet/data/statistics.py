@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from punnet.data.dataset import STAGES, Annotation, Dataset
-from punnet.errors import OutputError
-from punnet.outputs import write_bytes
+from punnet.outputs import FIGURES, require_suffix, write_bytes
 from punnet.scene import CLASSES, KEYPOINTS, Visibility
 
 if TYPE_CHECKING:
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
 __all__ = ["DatasetStatistics", "Distribution", "dataset_statistics", "draw_statistics"]
 
 PERCENTILES = (5, 25, 50, 75, 95)
-FIGURE_KINDS = ("png", "svg", "pdf")
 CLASS_COLOURS = ("#d6224c", "#d49a00")
 VISIBILITY_COLOURS = ("#c9c9c9", "#8fb7e8", "#1f5fa8", "#e08a2e")
 VISIBILITY_NAMES = {
@@ -193,9 +191,7 @@ def draw_statistics(statistics: DatasetStatistics, path: str | Path, *, force: b
     from matplotlib.figure import Figure
 
     path = Path(path)
-    kind = path.suffix.lower().lstrip(".")
-    if kind not in FIGURE_KINDS:
-        raise OutputError(f"{path}: a figure is written as {', '.join(FIGURE_KINDS)}; give such a name")
+    require_suffix(path, *FIGURES)
     known = [one for one in statistics.distributions.values() if len(one.values)]
     with_visibility = bool(statistics.visibility.any())
     panels = max(1, len(known) + with_visibility)
@@ -209,7 +205,7 @@ def draw_statistics(statistics: DatasetStatistics, path: str | Path, *, force: b
     if with_visibility:
         _visibility(axes[len(known)], statistics.visibility)
     buffer = io.BytesIO()
-    figure.savefig(buffer, format=kind, dpi=110)
+    figure.savefig(buffer, format=path.suffix[1:].lower(), dpi=110)
     return write_bytes(path, buffer.getvalue(), force=force)
 
 

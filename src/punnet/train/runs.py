@@ -79,10 +79,12 @@ def read_object(path: Path) -> dict[str, Any]:
     Raises
     ------
     FileFormatError
-        If it can't be read or is no object.
+        If it is missing, can't be read or is no object.
     """
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise FileFormatError(f"{path}: no such file") from error
     except (OSError, ValueError) as error:
         raise FileFormatError(f"{path}: not readable as JSON ({error})") from error
     if not isinstance(data, dict):

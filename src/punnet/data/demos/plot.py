@@ -12,15 +12,14 @@ from numpy.typing import NDArray
 from punnet.data.demos.episode import DemonstrationSet, Episode
 from punnet.data.demos.pairing import suspect_targets
 from punnet.data.demos.trajectory import Trajectory
-from punnet.errors import ConfigurationError, OutputExistsError, PunnetError
-from punnet.outputs import write_bytes
+from punnet.errors import OutputExistsError, PunnetError
+from punnet.outputs import FIGURES, require_suffix, write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = ["draw_demonstrations"]
 
-SUFFIXES = (".png", ".svg", ".pdf")
 MOST_DRAWN = 300
 """Movements that are drawn at most; of more, evenly spread ones."""
 
@@ -32,7 +31,7 @@ def draw_demonstrations(demonstrations: DemonstrationSet, path: str | Path, *, f
 
     Raises
     ------
-    ConfigurationError
+    OutputError
         If the file is no PNG, SVG or PDF.
     OutputExistsError
         If the file exists and ``force`` is not set.
@@ -43,8 +42,7 @@ def draw_demonstrations(demonstrations: DemonstrationSet, path: str | Path, *, f
     from matplotlib.figure import Figure
 
     place = Path(path)
-    if place.suffix.lower() not in SUFFIXES:
-        raise ConfigurationError(f"{place}: the figure is written as {', '.join(SUFFIXES)}")
+    require_suffix(place, *FIGURES)
     if place.exists() and not force:
         raise OutputExistsError(f"{place}: exists; give another name or --force")
     spaces = [

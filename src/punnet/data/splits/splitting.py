@@ -161,6 +161,8 @@ def read_split(path: str | Path) -> dict[str, list[str | int]]:
     path = Path(path)
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise FileFormatError(f"{path}: no such file; punnet data split writes one") from error
     except (OSError, ValueError) as error:
         raise FileFormatError(f"{path}: not readable as JSON ({error})") from error
     parts = data.get("parts") if isinstance(data, dict) else None
