@@ -96,9 +96,9 @@ def test_bad_input_is_told_and_leaves_nothing(
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["nowhere"], "not the folder of a training run"),
+        (["nowhere"], "not the folder of a training run; nowhere/config.json: no such file"),
         (["nowhere", "--results", "scores"], "NAME=FILE.json"),
-        (["nowhere", "--results", "mine=nowhere.json"], "not readable as JSON"),
+        (["nowhere", "--results", "mine=nowhere.json"], "nowhere.json: no such file"),
     ],
 )
 def test_bad_bundles_are_told(punnet, arguments: list[str], said: str, tmp_path: Path) -> None:

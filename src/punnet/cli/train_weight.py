@@ -74,11 +74,12 @@ def weight(
 ) -> None:
     """Train a weight model and measure it on plants that it has not seen."""
     need_training()
-    from punnet.train.runs import read_object
+    from punnet.train.runs import read_object, require_run_place
     from punnet.train.weight.registry import model_spec
-    from punnet.train.weight.training import read_config, train_weight_model
+    from punnet.train.weight.training import RUN_FILE, WHAT, read_config, train_weight_model
 
     spec = model_spec(model)
+    require_run_place(out, RUN_FILE, what=WHAT)
     changes = (dict(spec.quick) if quick else {}) | ({} if config is None else read_object(config))
     settings = read_config(spec, changes)
     samples = collect(data)

@@ -7,10 +7,32 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from punnet.errors import FileFormatError, OutputExistsError
-from punnet.outputs import write_text
+from punnet.errors import FileFormatError, OutputError, OutputExistsError
+from punnet.outputs import require_folder_name, write_text
 
-__all__ = ["as_json", "claim_run", "finished_run", "read_object"]
+__all__ = ["as_json", "claim_run", "finished_run", "read_object", "require_run_place"]
+
+
+def require_run_place(folder: Path, file: str, *, what: str) -> None:
+    """Refuse at once, before long work, a place that can't be a run's folder, whatever its settings.
+
+    Parameters
+    ----------
+    folder, file, what
+        As for :func:`claim_run`.
+
+    Raises
+    ------
+    OutputExistsError
+        If it holds something else.
+    OutputError
+        If it is a file, or called like one.
+    """
+    require_folder_name(folder)
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"{folder}: a file stands where a folder is needed; give another folder")
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / file).is_file():
+        raise OutputExistsError(f"{folder}: exists and holds no {what}; give another folder")
 
 
 def claim_run(folder: Path, file: str, settings: Mapping[str, Any], *, what: str) -> None:
@@ -31,10 +53,11 @@ def claim_run(folder: Path, file: str, settings: Mapping[str, Any], *, what: str
     ------
     OutputExistsError
         If it holds something else, or a run with other settings.
+    OutputError
+        If it is a file, or called like one.
     """
-    if folder.is_dir() and any(folder.iterdir()):
-        if not (folder / file).is_file():
-            raise OutputExistsError(f"{folder}: exists and holds no {what}; give another folder")
+    require_run_place(folder, file, what=what)
+    if (folder / file).is_file():
         found = read_object(folder / file)
         if other := [name for name in settings if settings[name] != found.get(name)]:
             raise OutputExistsError(
@@ -83,7 +106,7 @@ def read_object(path: Path) -> dict[str, Any]:
     """
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
+    except (FileNotFoundError, NotADirectoryError) as error:
         raise FileFormatError(f"{path}: no such file") from error
     except (OSError, ValueError) as error:
         raise FileFormatError(f"{path}: not readable as JSON ({error})") from error

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -12,7 +11,7 @@ from typing import Any
 import torch
 
 from punnet.bundle import Manifest, require_bundle_place, write_bundle
-from punnet.errors import ConfigurationError
+from punnet.errors import ConfigurationError, FileFormatError
 from punnet.perception.evaluation import EVALUATION_SCHEMA
 from punnet.perception.learned import DETECTOR_FILE, MODEL_FILE
 from punnet.train.detector.config import DetectorConfig, config_from_json
@@ -20,6 +19,7 @@ from punnet.train.detector.export import export_onnx
 from punnet.train.detector.network import BerryDetector
 from punnet.train.detector.training import CHECKPOINTS, CONFIG_FILE, LAST
 from punnet.train.detector.validation import detector_settings
+from punnet.train.runs import read_object
 
 __all__ = ["Terms", "bundle_run", "network_of_checkpoint"]
 
@@ -146,8 +146,12 @@ def _kept_terms(terms: Terms, start: object) -> Terms:
 
 def _settings_of(run: Path) -> dict[str, Any]:
     try:
-        settings: dict[str, Any] = json.loads((run / CONFIG_FILE).read_text())
+        settings = read_object(run / CONFIG_FILE)
         settings["training"]["seed"] += 0
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ConfigurationError(f"{run}: not the folder of a training run ({error!r})") from error
+    except FileFormatError as error:
+        raise ConfigurationError(f"{run}: not the folder of a training run; {error}") from error
+    except (KeyError, TypeError) as error:
+        raise ConfigurationError(
+            f"{run}: not the folder of a training run; no seed of a training in {CONFIG_FILE}"
+        ) from error
     return settings

@@ -22,6 +22,7 @@ from punnet.weight.samples import WeightSamples, collect_samples, join_samples
 __all__ = [
     "RUN_FILE",
     "TRUTH",
+    "WHAT",
     "WeightRun",
     "collect_all",
     "is_weight_run",
