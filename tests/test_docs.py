@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.commands import require_understood
+
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "CONTRIBUTING.md", ROOT / "README.md"]
 NAMES = [page.relative_to(ROOT).as_posix() for page in PAGES]
@@ -30,6 +32,14 @@ def test_parts_to_copy_run(page: Path) -> None:
     assert blocks
     for block in blocks:
         exec(compile(block, str(page), "exec"), {"__name__": "example"})
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_commands_are_understood(page: Path) -> None:
+    text = re.sub(r"\\\n\s*", "", page.read_text(encoding="utf-8"))
+    for block in re.findall(r"^```console\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
+        for line in re.findall(r"^\$ (punnet .*)$", block, re.MULTILINE):
+            require_understood(line)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)

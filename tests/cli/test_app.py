@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shlex
 import subprocess
 import sys
 import time
@@ -16,6 +15,7 @@ from punnet import __version__
 from punnet.cli.app import app
 from punnet.errors import PunnetError
 from punnet.outputs import Interrupted
+from tests.commands import require_understood
 
 
 def leaves(group: typer.Typer, prefix: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
@@ -41,12 +41,7 @@ def test_every_example_is_understood(command: tuple[str, ...]) -> None:
     leaf: Any = typer.main.get_command(app)
     for name in command:
         leaf = leaf.commands[name]
-    example = shlex.split(leaf.epilog.removeprefix("Example: punnet "))
-    assert tuple(example[: len(command)]) == command
-    arguments = example[len(command) :]
-    if ">" in arguments:  # that is for the shell
-        arguments = arguments[: arguments.index(">")]
-    leaf.make_context(" ".join(command), arguments)  # raises at an option that is not there
+    require_understood(leaf.epilog.removeprefix("Example: "))
 
 
 def test_the_commands_of_the_readme_are_there(punnet) -> None:

@@ -13,6 +13,7 @@ pytest.importorskip("torch", reason="TRAINING NOT INSTALLED: pip install 'punnet
 
 from punnet.cli.train import read_source
 from punnet.errors import ConfigurationError, FileFormatError
+from tests.commands import require_understood
 from tests.train.detector.berries import SMALL, write_set
 
 TRAINING = {"steps": 2, "batch": 1, "crop": [64, 96], "warm_up": 1, "validate_every": 1, "averaging": 0.5}
@@ -44,10 +45,9 @@ def test_train_bundle_detect(punnet, images: Path, config: Path, tmp_path: Path)
     (tmp_path / "scores.json").write_text('{"mask_ap": 0.5}')
     terms = ["--licence", "CC-BY-4.0", "--restriction", "for berries", "--citation", "Somebody"]
     results = ["--results", f"mine={tmp_path / 'scores.json'}"]
-    assert (
-        "use it with: punnet detect PHOTO"
-        in punnet("train", "bundle", run, "--out", model, *terms, *results).out
-    )
+    said = punnet("train", "bundle", run, "--out", model, *terms, *results).out
+    assert "use it with: punnet detect PHOTO" in said
+    require_understood(said.partition("use it with: ")[2])
     manifest = json.loads((model / "manifest.json").read_text())
     assert manifest["licence"] == "CC-BY-4.0"
     assert manifest["results"] == {"mine": {"mask_ap": 0.5}}

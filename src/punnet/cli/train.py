@@ -141,11 +141,14 @@ def bundle(
     from punnet.train.weight.training import is_weight_run
 
     if is_weight_run(run):
-        write, use = bundle_weight_run, f"punnet weigh --estimator {out}"
+        write, use = (
+            bundle_weight_run,
+            f"punnet weigh --rgb PHOTO --depth DEPTH --camera CAMERA --estimator {out}",
+        )
     elif is_planner_run(run):
         write, use = bundle_planner_run, f"punnet plan --planner {out} --rgb PHOTO --target x0,y0,x1,y1"
     else:
-        write, use = bundle_run, f"punnet detect PHOTO --detector {out}"
+        write, use = bundle_run, f"punnet detect PHOTO --out found --detector {out}"
     manifest = write(
         run,
         out,
