@@ -11,9 +11,9 @@ from punnet.harvest.eyes import Eyes
 from punnet.harvest.failures import Failure, Recovery
 from punnet.harvest.loop import Harvester
 from punnet.harvest.scenario import Scenario, Session
-from punnet.robot import HOME, TOO_THICK, GripResult, MotionResult
+from punnet.robot import HOME, NOTHING_HELD, TOO_THICK, GripResult, MotionResult
 from punnet.sim.world import WorldConfig
-from tests.harvest.kinematic import KinematicRobot, a_harvester
+from tests.harvest.kinematic import ARM, KinematicRobot, a_harvester
 
 
 class Listing:
@@ -288,13 +288,13 @@ def test_after_a_miss_the_fingers_go_in_wider(session):
 
     def missing():
         grips.append(openings[-1])
-        return GripResult(False, 0.0, "nothing between the pads") if len(grips) == 1 else grip()
+        return GripResult(False, 0.0, NOTHING_HELD) if len(grips) <= 3 else grip()
 
     robot.release, robot.grip = noted, missing
     run = session.run()
     assert len(run.picked) == 2
     usual = session.harvester.config.opening
-    assert sorted(grips) == [usual, usual, pytest.approx(1.6 * usual)]
+    assert sorted(grips) == [usual] * 4 + [pytest.approx(1.6 * usual)]  # twice deeper at the first try
 
 
 def test_carrying_is_broken_off_when_a_neighbour_is_dragged_along(session):
@@ -334,22 +334,42 @@ def test_a_berry_that_is_pressed_while_it_is_lowered_is_let_go_there(session):
     assert limited[2] < limited[1]
 
 
-def test_the_fingers_stay_apart_until_the_tool_is_out_of_the_plant(session):
-    robot, calls = session.robot, []
-    separate, follow, cut = robot.separate, robot.follow, robot.cut
+@pytest.fixture
+def pushed_ahead(session):
+    """The first berry hangs 15 mm ahead of where it was seen, as if the tool had pushed it: how deep each grip was, metres."""
+    robot, depths, begins = session.robot, [], []
+    grip = robot.grip
 
-    def noted(name, call):
-        def called(*arguments):
-            calls.append((name, arguments[0] if name == "separate" else None))
-            return call(*arguments)
+    def farther():
+        T = ARM.forward_kinematics_tool(robot.joints())
+        begins.append(T)
+        depths.append(float((T[:3, 3] - begins[0][:3, 3]) @ T[:3, 2]))
+        if len(robot.hanging) < 2:
+            return grip()
+        if depths[-1] < 0.010:
+            return GripResult(False, 0.0, NOTHING_HELD)
+        distance = np.linalg.norm(robot.berries.picking_points - robot.tool(), axis=1)
+        robot.held = int(np.argmin(distance))
+        return GripResult(True, 0.002)
 
-        return called
+    robot.grip = farther
+    return depths
 
-    robot.separate, robot.cut = noted("separate", separate), noted("cut", cut)
-    robot.follow = noted("follow", follow)
-    session.run()
-    after = calls[calls.index(("cut", None)) + 1 :]
-    assert after[:2] == [("follow", None), ("separate", 0.0)]
+
+def test_after_the_pads_met_they_grip_deeper(session, pushed_ahead):
+    run = session.run()
+    assert pushed_ahead[:2] == [0.0, pytest.approx(0.016, abs=1e-4)]
+    assert [attempt.outcome for attempt in run.attempts] == [Outcome.PICKED] * 2
+
+
+def test_they_do_not_where_another_stem_was_seen_ahead(session, pushed_ahead):
+    robot = session.robot
+    points = robot.berries.picking_points.copy()
+    points[1] = points[0] + (0.03, 0.0, 0.0)
+    robot.berries = robot.berries.with_fields(picking_points=points)
+    run = session.run()
+    assert run.attempts[0].failure is Failure.NOT_GRIPPED
+    assert pushed_ahead[0] == 0.0
 
 
 @pytest.mark.parametrize(

@@ -68,7 +68,7 @@ class HarvestConfig:
     least_ripeness: float | None = None
     most_looks: int = 60
     look_on_the_way: float = 0.21
-    reach_force: float | None = 8.0
+    reach_force: float | None = 6.5
     most_attempts: int | None = None
     opening: float = COMING_IN
     separation: float = 1.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import Enum, StrEnum
 
-from punnet.robot import NOT_ALONE, TOO_THICK
+from punnet.robot import NOT_ALONE, NOTHING_HELD, TOO_THICK
 
 __all__ = ["Failure", "Recovery", "StepFailed"]
 
@@ -48,7 +48,7 @@ class Failure(Enum):
     NOT_ARRIVED = ("did not arrive", Recovery.OTHER_SIDE)
     FRUIT_GRIPPED = (TOO_THICK, Recovery.OTHER_SIDE)
     STEMS_GRIPPED = (NOT_ALONE, Recovery.OTHER_SIDE)
-    NOT_GRIPPED = ("nothing between the pads", Recovery.OTHER_SIDE)
+    NOT_GRIPPED = (NOTHING_HELD, Recovery.OTHER_SIDE)
     NOT_CUT = ("the stem was not cut", Recovery.OTHER_SIDE)
     ROBOT_FAULT = ("the robot failed", Recovery.STOP)
     NOT_HOME = ("the arm does not get home", Recovery.STOP)

@@ -148,10 +148,31 @@ class Motions:
         KinematicsError
             If the arm can't.
         """
+        return self._through(self._straight(np.array([0.0, 0.0, height])), self._config.careful_speed)
+
+    def go_deeper(self, distance: float) -> MotionResult:
+        """On along the tool's axis by ``distance`` metres; broken off if a fruit is pushed.
+
+        Raises
+        ------
+        KinematicsError
+            If the arm can't.
+        """
+        axis = self._arm.forward_kinematics_tool(self._robot.joints())[:3, 2]
+        path = self._straight(distance * axis)
+        return self._through(path, self._config.careful_speed, self._config.reach_force)
+
+    def _straight(self, way: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Joints (8, J) along ``way`` (3,) metres, the tool as it is."""
         start = self._robot.joints()
         poses = np.tile(self._arm.forward_kinematics(start), (8, 1, 1))
-        poses[:, 2, 3] += np.linspace(0.0, height, 8)
-        return self._through(follow_path(poses, start, arm=self._arm), self._config.careful_speed)
+        poses[:, :3, 3] += np.linspace(0.0, 1.0, 8)[:, None] * way
+        return follow_path(poses, start, arm=self._arm)
+
+    def from_tool(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points (N, 3) of the base frame in the tool's frame as it is now: z is ahead."""
+        T = self._arm.forward_kinematics_tool(self._robot.joints())
+        return np.asarray((points - T[:3, 3]) @ T[:3, :3])
 
     def retreat(self) -> MotionResult:
         """Straight back out along the tool's axis."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from punnet.harvest.attempts import Attempt, Outcome, Phase
 from punnet.harvest.failures import Failure, StepFailed
 from punnet.harvest.situation import Parts, Situation, stem_is_hidden, weighed
-from punnet.robot import TOO_THICK, MotionResult
+from punnet.robot import NOTHING_HELD, TOO_THICK, GripResult, MotionResult
 
 __all__ = ["CUTTING", "GRIPPING", "Cut", "Grip", "Place", "Reach", "Separate", "Verify"]
 
@@ -22,6 +22,13 @@ EMPTY_PUNNET_NOISE = 1.0
 """Grams; a gain below this means that nothing fell in."""
 _LOOKS_DIFFER = 0.006  # metres between the points of two looks at a berry that hangs still
 _HIGHER = 0.009  # metres up the stem, where a fruit was between the pads
+_DEEPER = (
+    0.016  # metres on, where the tool has pushed a stem ahead of itself; the pads reach 11 mm to both sides
+)
+_TIMES_DEEPER = 2
+_IN_THE_WAY = np.array(
+    [0.030, 0.015, 0.045]
+)  # metres off the tool, within which going deeper might take another stem
 _TIMES_HIGHER = 3  # if it is not sure where the berry hangs; else higher up there would be another's stem
 _WIDER = 1.6  # times the opening, where the fingers missed the stem before
 _TAKEN_AWAY = 5.0  # grams that a punnet can't lose by itself
@@ -44,7 +51,7 @@ class Reach:
             _require(self._parts.motions.to_the_plant())
             attempt.shift = self._shift(attempt, situation.memory.at(attempt.picking_point).tries)
         if situation.memory.at(attempt.picking_point).missed:
-            self._parts.robot.release(min(1.0, _WIDER * self._parts.config.opening))
+            self._parts.robot.release(_opening(self._parts, situation))
         result = self._parts.motions.go_in(attempt.shift)
         attempt.peak_force, attempt.touched = result.peak_force, result.touched
         _require(result)
@@ -111,10 +118,30 @@ class Grip:
             self._parts.tell("has a fruit between the pads, grips higher", situation.in_hand)
             _require(self._parts.motions.raise_tool(_HIGHER))
             grip = self._parts.robot.grip()
+        if grip.reason == NOTHING_HELD and self._is_alone(situation.in_hand):
+            grip = self._deeper(situation)
         if not grip.holding:
             reason = grip.reason or ""
             raise StepFailed(Failure.from_reason(reason, Failure.NOT_GRIPPED), reason)
         return Phase.CUT
+
+    def _deeper(self, situation: Situation) -> GripResult:
+        """Grip farther on: coming in, the tool may have pushed the berry and its stem ahead of itself."""
+        robot = self._parts.robot
+        for _ in range(_TIMES_DEEPER):
+            self._parts.tell("has nothing between the pads, grips deeper", situation.in_hand)
+            robot.release(_opening(self._parts, situation))
+            _require(self._parts.motions.go_deeper(_DEEPER))
+            grip = robot.grip()
+            if grip.reason != NOTHING_HELD:
+                break
+        return grip
+
+    def _is_alone(self, attempt: Attempt) -> bool:
+        """Whether no other stem was seen where the tool stands or ahead of it."""
+        others = np.delete(attempt.berries.picking_points, attempt.row, axis=0)
+        x, y, z = _IN_THE_WAY[:, None] > np.abs(self._parts.motions.from_tool(others)).T
+        return not bool((x & y & z).any())
 
 
 class Cut:
@@ -145,9 +172,8 @@ class Place:
     def do(self, situation: Situation) -> Phase | None:
         """Carry the berry; the arm is home afterwards, the tool empty."""
         attempt, motions, packer = situation.in_hand, self._parts.motions, self._parts.packer
-        # Fingers apart until they are out: closed in the plant, they bring the neighbours back against the berry.
-        moved = motions.retreat()
         self._parts.robot.separate(0.0)
+        moved = motions.retreat()
         punnet = attempt.meant_for = self._punnet(situation)
         self._parts.tell(f"carries it to punnet {punnet + 1}", attempt)
         if moved.reached:
@@ -211,6 +237,12 @@ def is_missing(parts: Parts, punnet: int) -> bool:
     """Whether a punnet weighs less than it did: somebody has taken it, or from it."""
     reading = parts.robot.weigh_punnet(punnet)
     return reading is not None and reading < parts.packer.punnets[punnet].reading - _TAKEN_AWAY
+
+
+def _opening(parts: Parts, situation: Situation) -> float:
+    """How wide the grasping fingers go into the plant, in (0, 1]."""
+    missed = situation.memory.at(situation.in_hand.picking_point).missed
+    return min(1.0, _WIDER * parts.config.opening) if missed else parts.config.opening
 
 
 def _require(result: MotionResult) -> None:

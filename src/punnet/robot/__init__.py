@@ -7,7 +7,15 @@ from punnet.robot.dry_run import DryRunRobot
 from punnet.robot.nearest import nearest_solution, nearest_solutions
 from punnet.robot.panda import HOME, JOINT_NAMES, PANDA_LIMITS, PANDA_TORQUE, Panda
 from punnet.robot.path import follow_path
-from punnet.robot.protocol import NOT_ALONE, TOO_THICK, CutResult, GripResult, MotionResult, Robot
+from punnet.robot.protocol import (
+    NOT_ALONE,
+    NOTHING_HELD,
+    TOO_THICK,
+    CutResult,
+    GripResult,
+    MotionResult,
+    Robot,
+)
 from punnet.robot.safety import GuardedRobot, MotionGuard
 from punnet.robot.serial_arm import SerialArm
 from punnet.robot.tool import BLADE_ABOVE_GRIP, COMING_IN, GRIP_OPENING, T_FLANGE_CAMERA, T_FLANGE_TOOL
@@ -19,6 +27,7 @@ __all__ = [
     "GRIP_OPENING",
     "HOME",
     "JOINT_NAMES",
+    "NOTHING_HELD",
     "NOT_ALONE",
     "PANDA_LIMITS",
     "PANDA_TORQUE",

@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 from punnet.movement import JointTrajectory
 from punnet.scene import Frame
 
-__all__ = ["NOT_ALONE", "TOO_THICK", "CutResult", "GripResult", "MotionResult", "Robot"]
+__all__ = ["NOTHING_HELD", "NOT_ALONE", "TOO_THICK", "CutResult", "GripResult", "MotionResult", "Robot"]
+
+NOTHING_HELD = "nothing between the pads"
+"""Reason of a grip whose pads met."""
 
 TOO_THICK = "something thicker than a stem between the pads"
 """Reason of a grip that was not made firm, since a fruit is in it."""

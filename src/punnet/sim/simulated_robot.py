@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from punnet.errors import RobotError
 from punnet.geometry import CameraIntrinsics
 from punnet.movement import JointTrajectory
-from punnet.robot import NOT_ALONE, TOO_THICK, CutResult, GripResult, MotionResult
+from punnet.robot import NOT_ALONE, NOTHING_HELD, TOO_THICK, CutResult, GripResult, MotionResult
 from punnet.robot.tool import GRIP_OPENING, T_FLANGE_CAMERA
 from punnet.scene import Frame
 from punnet.sim.arm import SERVO_LAG
@@ -206,7 +206,7 @@ class SimulatedRobot:
     def holding(self) -> GripResult:
         """Whether the pads still hold something, without moving them."""
         gap = self._pad_gap()
-        return GripResult(gap > _HOLDING_GAP, gap, None if gap > _HOLDING_GAP else "nothing between the pads")
+        return GripResult(gap > _HOLDING_GAP, gap, None if gap > _HOLDING_GAP else NOTHING_HELD)
 
     def _pad_gap(self) -> float:
         qpos = self.world.data.qpos
