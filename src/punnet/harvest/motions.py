@@ -28,9 +28,11 @@ _PATH_POINTS = 150
 _PLACE_YAW, _PLACE_PITCH = np.deg2rad(35.0), np.deg2rad(-35.0)
 _ABOVE_WALL = 0.150  # metres of the grip point over the punnet's floor while it comes in over the wall
 _RELEASE_HEIGHT = 0.070  # and where it lets go: the fruit then hangs 5 to 20 mm above the floor
+_SET_DOWN_SPEED = 0.5  # of the careful one: a fruit that swings against the wall faster is bruised
 _SET_DOWN_FORCE = (
-    4.0  # newtons of the tool on the fruit that it lowers; in the air it hangs against the fingers with less
+    4.0  # newtons of the tool on what it lowers; in the air it hangs against the fingers with less
 )
+_OFF_AGAIN = 0.008  # metres up from where it met something
 _GRIP_TO_FRUIT = 0.034  # from the grip along the stem to the middle of the fruit, which tilts with the tool
 _LAYER_HEIGHT = 0.030
 _BERRIES_A_LAYER = 6
@@ -216,10 +218,12 @@ class Motions:
             return moved
         down = nearest_solution(release, over, arm=self._arm)
         path = np.stack((self._robot.joints(), down))
-        lowered = self._through(path, self._config.careful_speed, _SET_DOWN_FORCE)
-        # What is pressed on the way down has met the wall, the floor or other fruit: it is let go there.
-        met = Failure.from_reason(lowered.reason or "", Failure.NOT_ARRIVED) is Failure.PUSHED_FRUIT
-        return MotionResult(True) if met else lowered
+        lowered = self._through(path, _SET_DOWN_SPEED * self._config.careful_speed, _SET_DOWN_FORCE)
+        # What is pressed on the way down has met the wall, the floor or other fruit. It is let go a little higher, for
+        # opening fingers would press it too.
+        if Failure.from_reason(lowered.reason or "", Failure.NOT_ARRIVED) is not Failure.PUSHED_FRUIT:
+            return lowered
+        return self.raise_tool(_OFF_AGAIN)
 
     def leave_punnet(self) -> MotionResult:
         """Let go, and straight up again, so that the way home does not lead through the punnet's walls."""
