@@ -145,6 +145,7 @@ def test_error_files(tmp_path):
         ("a.csv", "true_g,estimate_g,low_g,high_g\n-1,1,0,2\n", "must be positive"),
         ("a.csv", "true_g,estimate_g,low_g,high_g\n1,1,2,0\n", "wrong way round"),
         ("a.json", "{", "can't be read"),
+        ("a.csv", "true_g,estimate_g,low_g,high_g\n", "has no rows of true_g"),
         ("a.json", '{"figures": 3}', "no list of rows"),
         ("a.json", '{"rows": [], "coverage": 9.0}', "coverage"),
     ],
@@ -157,7 +158,7 @@ def test_damaged_error_files(tmp_path, name, content, said):
 
 
 def test_missing_files(tmp_path):
-    with pytest.raises(FileFormatError, match="can't be read"):
+    with pytest.raises(FileFormatError, match="can't be read as a table of weights: No such file"):
         read_errors(tmp_path / "none.csv")
     table = tmp_path / "weights.csv"
     for content, said in (

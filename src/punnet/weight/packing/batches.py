@@ -119,6 +119,8 @@ def read_errors(path: str | Path) -> EstimationErrors:
     """
     path = Path(path)
     rows, coverage = _rows(path)
+    if not rows:
+        raise FileFormatError(f"{path}: has no rows of {', '.join(_COLUMNS)}")
     table = np.array(
         [
             [_number(row, column, f"{path}, row {number}") for column in _COLUMNS]
@@ -157,8 +159,10 @@ def _rows(path: Path) -> tuple[list[Mapping[str, Any]], float]:
         if path.suffix.lower() != ".json":
             return list(csv.DictReader(text.splitlines())), 0.9
         document = json.loads(text)
-    except (OSError, ValueError) as error:
-        raise FileFormatError(f"{path}: can't be read as a table of weights ({error})") from error
+    except OSError as error:
+        raise FileFormatError(f"{path}: can't be read as a table of weights: {error.strerror}") from error
+    except ValueError as error:
+        raise FileFormatError(f"{path}: can't be read as a table of weights: {error}") from error
     rows = document.get("rows") if isinstance(document, dict) else document
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise FileFormatError(f"{path}: has no list of rows with {', '.join(_COLUMNS)}")
