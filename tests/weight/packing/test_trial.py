@@ -141,7 +141,6 @@ def test_error_files(tmp_path):
     [
         ("a.csv", "true_g,estimate_g\n1,2\n", "has no 'low_g'"),
         ("a.csv", "true_g,estimate_g,low_g,high_g\n1,x,0,2\n", "row 1: 'estimate_g' must be a number"),
-        ("a.csv", "true_g,estimate_g,low_g,high_g\n", "N ≥ 1"),
         ("a.csv", "true_g,estimate_g,low_g,high_g\n-1,1,0,2\n", "must be positive"),
         ("a.csv", "true_g,estimate_g,low_g,high_g\n1,1,2,0\n", "wrong way round"),
         ("a.json", "{", "can't be read"),
