@@ -51,7 +51,7 @@ SLOT = _capsules(((0.0, 0.0, 0.10), (0.0, 0.0, _REACH - 0.004), _FINGER))
 """The gap between the grasping fingers, up to their middles: a stem in it is gripped, or dragged along when the tool leaves."""
 
 OPENING = _capsules(*(_paddle(side, share * _OPEN) for side in (-1.0, 1.0) for share in (0.5, 1.0)))
-"""Where the paddles go when they open at the stem; they stay open until the tool is out of the plant."""
+"""Where the paddles go when they open at the stem; they fold again before the tool leaves."""
 
 CARRIED = _capsules(((-0.028, 0.0, _REACH), (-0.046, 0.0, _REACH), 0.014))
 """The fruit that hangs in the grip when the tool leaves."""
