@@ -5,9 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from punnet.errors import KinematicsError
 from punnet.harvest.attempts import Outcome
+from punnet.harvest.memory import Memory
 from punnet.harvest.scenario import Scenario, Session
-from punnet.harvest.situation import stem_is_hidden
+from punnet.harvest.seeing import middle_of_plant
+from punnet.harvest.situation import Situation, stem_is_hidden
 from punnet.scene import KEYPOINTS, Strawberries, Visibility
 from punnet.sim.world import WorldConfig
 from tests.harvest.kinematic import KinematicRobot, a_harvester
@@ -76,6 +79,34 @@ def test_what_stays_hidden_is_tried_all_the_same(two_berries):
     hidden = (Visibility.HIDDEN_BY_OTHER,) * 2
     _, run = harvested(two_berries, hidden, hidden)
     assert len(run.picked) == 2
+
+
+def test_they_are_tried_where_the_plant_can_not_be_seen_from_its_sides(two_berries):
+    frame, berries = two_berries
+    robot = KinematicRobot(frame, berries)
+    harvester = a_harvester(robot)
+    hidden = (Visibility.HIDDEN_BY_OTHER,) * 2
+    harvester._parts.eyes._detector = Glances(robot, hidden, hidden)
+
+    def out_of_reach(point, direction):
+        raise KinematicsError("no solution")
+
+    harvester._parts.motions.look_along = out_of_reach
+    run = harvester.run()
+    assert len(run.picked) == 2
+    assert not any(attempt.second_view for attempt in run.attempts)
+
+
+def test_a_berry_of_another_row_does_not_move_the_middle_of_the_plant(two_berries):
+    frame, berries = two_berries
+    points = np.concatenate((berries.picking_points, [[2.9, 0.4, -0.5]]))
+    boxes = np.tile((10.0, 10.0, 30.0, 40.0), (3, 1))
+    three = Strawberries((480, 640), boxes, picking_points=points)
+    situation = Situation(Memory(0.025, 3), frame=frame, berries=three)
+    middle = berries.picking_points.mean(axis=0)
+    assert np.allclose(middle_of_plant(situation), middle)
+    situation.berries = three[[2]]
+    assert np.allclose(middle_of_plant(situation), points[2])  # if it is all that was seen
 
 
 def test_without_key_points_no_stem_counts_as_hidden(two_berries):

@@ -55,6 +55,22 @@ def test_a_place_where_one_was_picked_may_be_tried_again() -> None:
     assert memory.next_second_view() is None
 
 
+def test_what_was_refused_may_be_tried_anew_when_another_is_gone() -> None:
+    memory = Memory(0.025, 2)
+    elsewhere = POINT + np.array([0.0, 0.1, 0.0])
+    for _ in range(2):
+        memory.learn(an_attempt(Failure.NOT_FREE, approach=None))
+        memory.learn(an_attempt(Failure.NOT_GRIPPED, elsewhere))
+    assert not memory.may_try(POINT)
+    memory.learn(an_attempt(None, POINT - np.array([0.0, 0.1, 0.0])))
+    assert memory.may_try(POINT)
+    assert not memory.may_try(elsewhere)
+    for _ in range(2):
+        memory.learn(an_attempt(Failure.NOT_FREE, approach=None))
+    assert not memory.may_try(POINT)
+    assert len(memory.to_json()) == 3
+
+
 def test_memory_survives_being_written_down() -> None:
     memory = Memory(0.025, 3)
     memory.learn(an_attempt(Failure.NOT_GRIPPED))

@@ -1,8 +1,10 @@
 import mujoco
 import numpy as np
+import pytest
 
+from punnet.errors import RobotError
 from punnet.sim.cluster import ClusterConfig
-from punnet.sim.world import WorldConfig, build_world
+from punnet.sim.world import TIME_STEP, WorldConfig, build_world
 from tests.sim.conftest import small_world
 from tests.timing import times_as_long
 
@@ -44,6 +46,39 @@ def test_a_detached_berry_falls(world):
     assert fallen[1] > 0.1
     assert np.abs(np.delete(fallen, 1)).max() < 0.02
     assert list(np.flatnonzero(~world.attached())) == [1]
+
+
+def test_a_step_that_runs_away_is_made_again_by_other_means(world, monkeypatch):
+    step, solvers = mujoco.mj_step, []
+
+    def thrown_off(model, data):
+        step(model, data)
+        solvers.append(model.opt.solver)
+        if model.opt.solver == mujoco.mjtSolver.mjSOL_NEWTON:
+            data.qvel[-1] = 1e6
+
+    for _ in range(10):
+        world.step()
+    before = world.data.time, world.data.qpos.copy()
+    monkeypatch.setattr(mujoco, "mj_step", thrown_off)
+    world.step()
+    assert solvers == [mujoco.mjtSolver.mjSOL_NEWTON, mujoco.mjtSolver.mjSOL_CG]
+    assert world.data.time == pytest.approx(before[0] + TIME_STEP)
+    assert np.abs(world.data.qpos - before[1]).max() < 1e-3
+    assert world.model.opt.solver == mujoco.mjtSolver.mjSOL_NEWTON
+
+
+def test_what_diverges_all_the_same_is_an_error(world, monkeypatch):
+    step = mujoco.mj_step
+
+    def thrown_off(model, data):
+        step(model, data)
+        data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number = 1
+        data.qvel[-1] = np.nan
+
+    monkeypatch.setattr(mujoco, "mj_step", thrown_off)
+    with pytest.raises(RobotError, match="diverged"):
+        world.step()
 
 
 def test_physics_outruns_the_clock():

@@ -21,7 +21,8 @@ _SAME_SIDE = np.cos(np.deg2rad(8.0))
 class Place:
     """A point (3,) where picking was tried: how often, along which directions (3,), and what is to be done next time.
 
-    ``missed`` is whether the fingers closed beside the stem.
+    ``missed`` is whether the fingers closed beside the stem, ``refused`` whether the last try was not begun for what hung in
+    the way.
     """
 
     point: NDArray[np.float64]
@@ -31,6 +32,7 @@ class Place:
     second_view: bool = False
     aside: bool = False
     missed: bool = False
+    refused: bool = False
 
     def was_tried_along(self, direction: NDArray[np.float64]) -> bool:
         """Whether the tool has come in along this direction, or nearly so."""
@@ -68,19 +70,27 @@ class Memory:
     def learn(self, attempt: Attempt) -> None:
         """Take in an attempt that ended."""
         place = self.at(attempt.picking_point)
-        if place.tries == 0:
+        if all(known is not place for known in self._places):
             self._places.append(place)
         place.tries += 1
         place.point = attempt.picking_point
         if attempt.approach is not None:
             place.approaches.append(attempt.approach)
+        place.refused = attempt.failure is Failure.NOT_FREE
         if attempt.failure is None:
+            self._something_is_gone()
             return
         recovery = attempt.failure.recovery
         place.missed |= attempt.failure is Failure.NOT_GRIPPED
         place.aside |= recovery is Recovery.SET_ASIDE
         place.other_side |= recovery is Recovery.OTHER_SIDE
         place.second_view |= recovery in (Recovery.OTHER_SIDE, Recovery.SECOND_VIEW)
+
+    def _something_is_gone(self) -> None:
+        """What was refused may be free now: its tries count anew."""
+        for place in self._places:
+            if place.refused:
+                place.tries, place.refused = 0, False
 
     def to_json(self) -> list[dict[str, Any]]:
         """Plain values, from which :meth:`restore` makes the same memory."""
@@ -93,6 +103,7 @@ class Memory:
                 "second_view": place.second_view,
                 "aside": place.aside,
                 "missed": place.missed,
+                "refused": place.refused,
             }
             for place in self._places
         ]
@@ -115,6 +126,7 @@ class Memory:
                     bool(place["second_view"]),
                     bool(place["aside"]),
                     bool(place["missed"]),
+                    bool(place["refused"]),
                 )
                 for place in places
             ]

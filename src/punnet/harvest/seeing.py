@@ -14,11 +14,12 @@ from punnet.planning.approach import approach_rotation, comfortable_angles
 from punnet.planning.clearance import approach_directions, obstacles_among
 from punnet.scene import Frame, Strawberries
 
-__all__ = ["Look", "Perceive", "Weigh", "untried_directions"]
+__all__ = ["Look", "Perceive", "Weigh", "middle_of_plant", "untried_directions"]
 
 
 SIDE_VIEWS = np.deg2rad(((-30.0, 0.0), (30.0, 0.0), (0.0, 15.0)))
 """Yaw and pitch from the comfortable direction that the plant is looked at along, if nothing is left to be seen from home."""
+_PLANT_RADIUS = 0.4  # metres
 _USUAL_MIDDLE = np.array([0.74, -0.05, 0.74])
 
 
@@ -42,7 +43,7 @@ class Look:
         situation.looks += 1
         situation.second_view_of = self._second_view(situation)
         if situation.second_view_of is None and not self._side_view(situation):
-            return None
+            return Phase.ORDER if situation.hidden else None
         try:
             situation.frame = self._parts.eyes.look()
         finally:
@@ -53,7 +54,7 @@ class Look:
     def _side_view(self, situation: Situation) -> bool:
         """Move to where the plant is to be seen from; False if there is no way to this view and those after it."""
         while 0 < situation.side_view <= self._parts.config.side_views:
-            middle = _middle(situation)
+            middle = middle_of_plant(situation)
             yaw, pitch = comfortable_angles(middle)
             turn, tilt = SIDE_VIEWS[situation.side_view - 1]
             direction = approach_rotation(yaw + turn, pitch + tilt)[:, 2]
@@ -128,8 +129,11 @@ class Weigh:
         return Phase.ORDER
 
 
-def _middle(situation: Situation) -> NDArray[np.float64]:
-    """Middle (3,) of the berries seen so far and last, or of where plants are if there are none."""
+def middle_of_plant(situation: Situation) -> NDArray[np.float64]:
+    """Middle (3,) of the berries seen so far and last, or of where plants are if there are none.
+
+    What is far from most of them is another row, or a depth that is none.
+    """
     seen = [
         berries.picking_points
         for berries in (situation.run.first_berries, situation.berries)
@@ -137,6 +141,9 @@ def _middle(situation: Situation) -> NDArray[np.float64]:
     ]
     points = np.concatenate(seen) if seen else np.zeros((0, 3))
     points = points[np.isfinite(points).all(axis=1)]
+    if not len(points):
+        return _USUAL_MIDDLE
+    points = points[np.linalg.norm(points - np.median(points, axis=0), axis=1) < _PLANT_RADIUS]
     return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2.0) if len(points) else _USUAL_MIDDLE
 
 

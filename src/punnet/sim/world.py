@@ -28,6 +28,9 @@ __all__ = ["OVERVIEW_CAMERA", "World", "WorldConfig", "build_world"]
 OVERVIEW_CAMERA = "overview"
 TIME_STEP = 0.002
 _SETTLING_TIME = 1.0
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION.value
+_RUNAWAY = 100.0  # metres or radians a second of any joint: nothing here moves so fast
+_CG_ITERATIONS = 300
 
 
 @dataclass(frozen=True)
@@ -104,6 +107,7 @@ class World:
         for berry in planted:
             berry_of_geom[model.geom(berry.fruit).id] = berry.index
         self.contacts = ContactMonitor(model, placed.first_link, berry_of_geom, len(planted))
+        self._before = np.empty(mujoco.mj_stateSize(model, _STATE))
         self._diverged = self.data.warning[mujoco.mjtWarning.mjWARN_BADQACC]
         self._reset()
 
@@ -133,10 +137,23 @@ class World:
         RobotError
             If the integration diverged; what has been simulated until then stands.
         """
+        mujoco.mj_getState(self.model, self.data, self._before, _STATE)
         mujoco.mj_step(self.model, self.data)
+        if not np.abs(self.data.qvel).max() < _RUNAWAY:
+            self._step_again()
         if self._diverged.number:
             raise RobotError(f"the simulation diverged after {self.data.time:.2f} s; report the seed")
         self.contacts.update(self.data)
+
+    def _step_again(self) -> None:
+        """The step once more by conjugate gradients: a small fruit in a hard pinch can throw Newton's method off."""
+        self._diverged.number = 0
+        mujoco.mj_setState(self.model, self.data, self._before, _STATE)
+        option = self.model.opt
+        usual = option.solver, option.iterations
+        option.solver, option.iterations = mujoco.mjtSolver.mjSOL_CG, _CG_ITERATIONS
+        mujoco.mj_step(self.model, self.data)
+        option.solver, option.iterations = usual
 
     def berry_poses(self) -> NDArray[np.float64]:
         """``T_base_berry`` (N, 4, 4) now: origin at the calyx, z along the stem upwards."""
