@@ -63,8 +63,8 @@ FOREST_GROUPS = ("box", "mask", "histogram")
 """The thesis' vector without principal components."""
 FOREST_PCA_GROUPS = (*FOREST_GROUPS, "components")
 """The thesis' vector."""
-SHAPE_GROUPS = (*SHAPE_FEATURES, "components")
-"""Physical features and the principal components."""
+SHAPE_GROUPS = (*SHAPE_FEATURES, "box", "components")
+"""Physical features, the area of the box that holds hidden ends too, and the principal components."""
 
 
 def feature_names(groups: Sequence[str]) -> tuple[str, ...]:
