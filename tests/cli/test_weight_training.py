@@ -86,7 +86,10 @@ def test_estimators_are_evaluated_through_any_masks(data: Path) -> None:
 def test_a_bundle_of_a_run_weighs(data: Path, trained: Path, tmp_path: Path) -> None:
     made = run("train", "bundle", trained, "--out", tmp_path / "mine", "--licence", "Apache-2.0")
     assert made.exit_code == 0, made.output
-    assert "punnet weigh --estimator" in made.stdout
+    assert (
+        f"punnet weigh --rgb PHOTO --depth DEPTH --camera CAMERA --estimator {tmp_path / 'mine'}"
+        in made.stdout
+    )
     found = [
         json.loads(run("evaluate", "weight", *which, "--data", data, "--json").stdout)["evaluations"][0]
         for which in (("--bundle", tmp_path / "mine"), ("--run", trained))
