@@ -11,7 +11,7 @@ import pytest
 from punnet.data.demos import DemonstrationSet, Episode, Trajectory
 from punnet.data.demos.plot import draw_demonstrations
 from punnet.data.demos.statistics import demonstration_statistics
-from punnet.errors import ConfigurationError, OutputExistsError
+from punnet.errors import OutputError, OutputExistsError
 
 
 def test_counts_and_spread(wall: DemonstrationSet) -> None:
@@ -57,5 +57,5 @@ def test_figures_of_little(wall: DemonstrationSet, tmp_path: Path) -> None:
     draw_demonstrations(bare, tmp_path / "bare.png")
     only_poses = DemonstrationSet((replace(wall[0], joints=None),))
     draw_demonstrations(only_poses, tmp_path / "poses.png")
-    with pytest.raises(ConfigurationError, match=r"\.png"):
+    with pytest.raises(OutputError, match=r"\.png"):
         draw_demonstrations(bare, tmp_path / "bare.gif")
