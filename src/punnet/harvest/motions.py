@@ -25,13 +25,12 @@ from punnet.robot.projection import projected
 __all__ = ["Motions"]
 
 _PATH_POINTS = 150
+_STRAIGHT_STEP = 0.009  # metres between the points of a straight way
 _PLACE_YAW, _PLACE_PITCH = np.deg2rad(35.0), np.deg2rad(-35.0)
 _ABOVE_WALL = 0.150  # metres of the grip point over the punnet's floor while it comes in over the wall
 _RELEASE_HEIGHT = 0.070  # and where it lets go: the fruit then hangs 5 to 20 mm above the floor
 _SET_DOWN_SPEED = 0.5  # of the careful one: a fruit that swings against the wall faster is bruised
-_SET_DOWN_FORCE = (
-    4.0  # newtons of the tool on what it lowers; in the air it hangs against the fingers with less
-)
+_SET_DOWN_FORCE = 4.0  # newtons of the tool on what it lowers, which hangs against it with less
 _OFF_AGAIN = 0.008  # metres up from where it met something
 _GRIP_TO_FRUIT = 0.034  # from the grip along the stem to the middle of the fruit, which tilts with the tool
 _LAYER_HEIGHT = 0.030
@@ -160,16 +159,20 @@ class Motions:
         KinematicsError
             If the arm can't.
         """
-        axis = self._arm.forward_kinematics_tool(self._robot.joints())[:3, 2]
-        path = self._straight(distance * axis)
+        path = self._straight(distance * self._ahead())
         return self._through(path, self._config.careful_speed, self._config.reach_force)
 
     def _straight(self, way: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Joints (8, J) along ``way`` (3,) metres, the tool as it is."""
+        """Joints (P, J) along ``way`` (3,) metres, the tool as it is."""
         start = self._robot.joints()
-        poses = np.tile(self._arm.forward_kinematics(start), (8, 1, 1))
-        poses[:, :3, 3] += np.linspace(0.0, 1.0, 8)[:, None] * way
+        share = np.linspace(0.0, 1.0, max(8, round(float(np.linalg.norm(way)) / _STRAIGHT_STEP)))
+        poses = np.tile(self._arm.forward_kinematics(start), (len(share), 1, 1))
+        poses[:, :3, 3] += share[:, None] * way
         return follow_path(poses, start, arm=self._arm)
+
+    def _ahead(self) -> NDArray[np.float64]:
+        """The tool's axis (3,) in the base frame."""
+        return np.asarray(self._arm.forward_kinematics_tool(self._robot.joints())[:3, 2])
 
     def from_tool(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points (N, 3) of the base frame in the tool's frame as it is now: z is ahead."""
@@ -178,15 +181,11 @@ class Motions:
 
     def retreat(self) -> MotionResult:
         """Straight back out along the tool's axis."""
-        start = self._robot.joints()
-        T = self._arm.forward_kinematics(start)
-        poses = np.tile(T, (20, 1, 1))
-        poses[:, :3, 3] -= np.linspace(0.0, self._config.retreat, 20)[:, None] * T[:3, 2]
         try:
-            path = follow_path(poses, start, arm=self._arm)
+            path = self._straight(-self._config.retreat * self._ahead())
         except KinematicsError:
             # No straight way back from here: the way home leads out as well.
-            path = np.stack((start, self._arm.home))
+            path = np.stack((self._robot.joints(), self._arm.home))
         return self._through(path, self._config.careful_speed)
 
     def back_off(self) -> MotionResult:

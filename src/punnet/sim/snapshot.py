@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from punnet.errors import FileFormatError
 from punnet.sim.simulated_robot import SimulatedRobot
+from punnet.sim.world import STATE
 
 __all__ = ["restore_snapshot", "take_snapshot"]
 
-_STATE = mujoco.mjtState.mjSTATE_INTEGRATION.value
 # What sleeps is no part of MuJoCo's state: setting that wakes everything.
 _SLEEP = (
     *("tree_asleep", "tree_awake", "body_awake", "body_awake_ind", "parent_awake_ind", "dof_awake_ind"),
@@ -31,8 +31,8 @@ def take_snapshot(robot: SimulatedRobot) -> bytes:
     and the generator of the sensors' noise. What :func:`restore_snapshot` makes of it goes on bit for bit as the original does.
     """
     world = robot.world
-    state = np.empty(mujoco.mj_stateSize(world.model, _STATE))
-    mujoco.mj_getState(world.model, world.data, state, _STATE)
+    state = np.empty(mujoco.mj_stateSize(world.model, STATE))
+    mujoco.mj_getState(world.model, world.data, state, STATE)
     stream = io.BytesIO()
     np.savez(
         stream,
@@ -77,9 +77,9 @@ def restore_snapshot(robot: SimulatedRobot, snapshot: bytes) -> None:
 def _set(
     model: mujoco.MjModel, data: mujoco.MjData, state: NDArray[np.float64], asleep: NDArray[np.int64]
 ) -> None:
-    mujoco.mj_setState(model, data, state, _STATE)
+    mujoco.mj_setState(model, data, state, STATE)
     mujoco.mj_forward(model, data)
-    mujoco.mj_setState(model, data, state, _STATE)  # computing the positions of all bodies has touched it
+    mujoco.mj_setState(model, data, state, STATE)  # computing the positions of all bodies has touched it
     sizes = [np.size(getattr(data, name)) for name in _SLEEP]
     for name, part in zip(_SLEEP, np.split(asleep, np.cumsum(sizes)[:-1]), strict=True):
         setattr(data, name, part if np.ndim(getattr(data, name)) else int(part[0]))

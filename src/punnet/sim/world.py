@@ -23,12 +23,13 @@ from punnet.sim.plant import PlantedBerry, add_cluster, add_leaves
 from punnet.sim.punnets import add_punnets
 from punnet.sim.scenery import add_scenery
 
-__all__ = ["OVERVIEW_CAMERA", "World", "WorldConfig", "build_world"]
+__all__ = ["OVERVIEW_CAMERA", "STATE", "World", "WorldConfig", "build_world"]
 
 OVERVIEW_CAMERA = "overview"
 TIME_STEP = 0.002
 _SETTLING_TIME = 1.0
-_STATE = mujoco.mjtState.mjSTATE_INTEGRATION.value
+STATE = mujoco.mjtState.mjSTATE_INTEGRATION.value
+"""What decides how MuJoCo goes on, but for what sleeps."""
 _RUNAWAY = 100.0  # metres or radians a second of any joint: nothing here moves so fast
 _CG_ITERATIONS = 300
 
@@ -107,7 +108,7 @@ class World:
         for berry in planted:
             berry_of_geom[model.geom(berry.fruit).id] = berry.index
         self.contacts = ContactMonitor(model, placed.first_link, berry_of_geom, len(planted))
-        self._before = np.empty(mujoco.mj_stateSize(model, _STATE))
+        self._before = np.empty(mujoco.mj_stateSize(model, STATE))
         self._diverged = self.data.warning[mujoco.mjtWarning.mjWARN_BADQACC]
         self._reset()
 
@@ -137,7 +138,7 @@ class World:
         RobotError
             If the integration diverged; what has been simulated until then stands.
         """
-        mujoco.mj_getState(self.model, self.data, self._before, _STATE)
+        mujoco.mj_getState(self.model, self.data, self._before, STATE)
         mujoco.mj_step(self.model, self.data)
         if not np.abs(self.data.qvel).max() < _RUNAWAY:
             self._step_again()
@@ -148,7 +149,7 @@ class World:
     def _step_again(self) -> None:
         """The step once more by conjugate gradients: a small fruit in a hard pinch can throw Newton's method off."""
         self._diverged.number = 0
-        mujoco.mj_setState(self.model, self.data, self._before, _STATE)
+        mujoco.mj_setState(self.model, self.data, self._before, STATE)
         option = self.model.opt
         usual = option.solver, option.iterations
         option.solver, option.iterations = mujoco.mjtSolver.mjSOL_CG, _CG_ITERATIONS
@@ -219,7 +220,7 @@ def _set_physics(spec: mujoco.MjSpec) -> None:
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = 10.0
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    # What hangs still is not integrated until something touches it: two thirds of the time of a step.
+    # What hangs still is not integrated until something touches it.
     option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
     option.iterations = 60
     option.ls_iterations = 40
