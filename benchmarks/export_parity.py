@@ -53,7 +53,7 @@ def main() -> None:
         rgb = reduced(read_image(image.path), SCALES[number % len(SCALES)])
         pixels, size = prepare(rgb, settings.longest_side, settings.stride)
         one, other = (network.run(pixels, detector.score_threshold) for network in (in_onnx, in_torch))
-        rows.append(differences(one, other, size, settings.mask_threshold))
+        rows.append(differences(one, other, size, settings))
     summary = {
         "images": len(rows),
         "berries": sum(row["berries"] for row in rows),
@@ -85,7 +85,7 @@ def reduced(rgb: NDArray[np.uint8], scale: float) -> NDArray[np.uint8]:
 
 
 def differences(
-    one: RawDetections, other: RawDetections, size: tuple[int, int], mask_threshold: float
+    one: RawDetections, other: RawDetections, size: tuple[int, int], settings: DetectorSettings
 ) -> dict[str, float]:
     """The worst differences between two lists of detections, both best first."""
     same = len(one) == len(other) and bool((one.labels == other.labels).all())
@@ -93,7 +93,10 @@ def differences(
     row |= {"mask_iou": 1.0, "masks_below": 0, "pixels_below": 0}
     if not same or not len(one):
         return row
-    found, again = (decode_detections(raw, size, size, mask_threshold) for raw in (one, other))
+    found, again = (
+        decode_detections(raw, size, size, settings.mask_threshold, settings.keypoint_sigmas)
+        for raw in (one, other)
+    )
     row["box_px"] = float(np.abs(one.boxes - other.boxes).max())
     if len(found) != len(again):
         return row | {"same_count": False}

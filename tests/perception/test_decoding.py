@@ -11,10 +11,11 @@ from scipy import ndimage
 from punnet.perception.decoding import (
     Patch,
     decode_detections,
-    decode_heatmaps,
     paste_mask,
     without_duplicates,
 )
+from punnet.perception.expectation import expected_iou, place_keypoints
+from punnet.perception.metrics import KEYPOINT_SIGMAS as SIGMAS
 from punnet.perception.network import RawDetections
 from punnet.scene import PLUCKABLE, UNPLUCKABLE, Visibility
 from tests.timing import times_as_long
@@ -111,16 +112,6 @@ def test_a_mask_as_it_is_shown_in_training_comes_back_whole(
         assert (back & berry).sum() >= share * (back | berry).sum()
 
 
-@pytest.mark.parametrize("side", [1.5, 80.0, 300.0])
-def test_keypoints_are_those_that_torchvision_reads(rng: np.random.Generator, side: float) -> None:
-    torch = pytest.importorskip("torch")
-    from torchvision.models.detection.roi_heads import heatmaps_to_keypoints
-
-    raw = random_detections(rng, 30, side=side)
-    expected, _ = heatmaps_to_keypoints(torch.tensor(raw.heatmaps), torch.tensor(raw.regions))
-    assert np.abs(decode_heatmaps(raw.heatmaps, raw.regions) - expected[:, :, :2].numpy()).max() < 0.01
-
-
 def test_a_mask_outside_the_image_is_empty(rng: np.random.Generator) -> None:
     mask = np.ones((14, 14), dtype=np.float32)
     for region in ((-50, -50, -10, -10), (700, 100, 760, 200), (10, 500, 60, 560)):
@@ -148,18 +139,38 @@ def test_an_unsure_berry_may_be_either_class(rng: np.random.Generator) -> None:
         scores=np.array([0.9, 0.6, 0.4, 0.3], np.float32),
         labels=np.array([PLUCKABLE, UNPLUCKABLE, PLUCKABLE, UNPLUCKABLE]),
     )
-    assert decode_detections(raw, SIZE, SIZE, 0.5).scores.tolist() == pytest.approx([0.9, 0.4])
-    found = decode_detections(raw, SIZE, SIZE, 0.5, 0.5)
-    assert found.scores.tolist() == pytest.approx([0.9, 0.4, 0.3])
+    best, second = decode_detections(raw, SIZE, SIZE, 0.5, SIGMAS).scores
+    assert (second / best, best) == (pytest.approx(4 / 9, rel=0.3), pytest.approx(0.45, abs=0.2))
+    found = decode_detections(raw, SIZE, SIZE, 0.5, SIGMAS, unsure_below=0.6 * best)
+    assert found.scores.tolist() == pytest.approx([best, second, 0.75 * second])
     assert found.classes.tolist() == [PLUCKABLE, PLUCKABLE, UNPLUCKABLE]
     assert found.masks is not None
     assert found.masks.any(axis=(1, 2)).all()
-    assert len(decode_detections(raw, SIZE, SIZE, 0.5, 0.95)) == 4
+    assert len(decode_detections(raw, SIZE, SIZE, 0.5, SIGMAS, unsure_below=0.95)) == 4
+
+
+def test_a_score_counts_class_outline_and_points(rng: np.random.Generator) -> None:
+    raw = random_detections(rng, 30)
+    extents = (raw.regions[:, 2:] - raw.regions[:, :2]).astype(np.float64)
+    areas = (raw.masks > 0.5).mean(axis=(1, 2)) * extents.prod(axis=1)
+    _, similarity = place_keypoints(raw.heatmaps, raw.regions, areas, SIGMAS)
+    there = 1 - raw.visibility[:, :, Visibility.ABSENT]
+    oks = (similarity * there).sum(axis=1) / there.sum(axis=1)
+    expected = np.sort(raw.scores * expected_iou(raw.masks, 0.5) ** 0.5 * oks**0.25)[::-1]
+    single = replace(raw, labels=np.zeros(30, dtype=np.int64))
+    assert decode_detections(single, SIZE, SIZE, 0.5, SIGMAS).scores == pytest.approx(expected, rel=1e-5)
+    some = decode_detections(single, SIZE, SIZE, 0.5, SIGMAS, least_score=float(np.median(expected)))
+    assert some.scores == pytest.approx(expected[:15], rel=1e-5)
+
+
+def test_no_detection_is_no_berry(rng: np.random.Generator) -> None:
+    none = random_detections(rng, 3)[np.arange(0)]
+    assert len(decode_detections(none, SIZE, SIZE, 0.5, SIGMAS)) == 0
 
 
 def test_results_hold_what_a_container_of_berries_promises(rng: np.random.Generator) -> None:
     raw = random_detections(rng, 60)
-    berries = decode_detections(raw, SIZE, SIZE, 0.5)
+    berries = decode_detections(raw, SIZE, SIZE, 0.5, SIGMAS)
     assert 0 < len(berries) <= 60
     assert (np.diff(berries.scores) <= 0).all()
     assert berries.masks is not None
@@ -177,8 +188,8 @@ def test_results_hold_what_a_container_of_berries_promises(rng: np.random.Genera
 
 def test_a_reduced_image_gives_the_same_berries_in_the_frame(rng: np.random.Generator) -> None:
     raw = random_detections(rng, 12)
-    small = decode_detections(raw, SIZE, SIZE, 0.5)
-    large = decode_detections(raw, SIZE, (960, 1280), 0.5)
+    small = decode_detections(raw, SIZE, SIZE, 0.5, SIGMAS)
+    large = decode_detections(raw, SIZE, (960, 1280), 0.5, SIGMAS)
     both = np.isfinite(small.keypoints) & np.isfinite(large.keypoints)
     assert both.sum() > 40
     expected = 2 * (small.keypoints + 0.5) - 0.5
@@ -191,7 +202,7 @@ def test_a_huge_image_holds_as_many_masks_as_fit(
     rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr("punnet.perception.decoding.MASK_BYTES", 3 * SIZE[0] * SIZE[1])
-    berries = decode_detections(random_detections(rng, 12), SIZE, SIZE, 0.5)
+    berries = decode_detections(random_detections(rng, 12), SIZE, SIZE, 0.5, SIGMAS)
     assert len(berries) == 3
     assert "give a smaller image" in caplog.text
 
@@ -206,4 +217,4 @@ def test_masks_are_resampled_only_where_the_berries_are(rng: np.random.Generator
             ndimage.map_coordinates(mask, cells, order=1)
 
     # A thirtieth to a twentieth; 2 ms on a quiet core.
-    assert times_as_long(lambda: decode_detections(raw, SIZE, SIZE, 0.5), all_over_the_image) < 0.08
+    assert times_as_long(lambda: decode_detections(raw, SIZE, SIZE, 0.5, SIGMAS), all_over_the_image) < 0.08

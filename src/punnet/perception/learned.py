@@ -186,11 +186,15 @@ class LearnedDetector:
     def detect(self, frame: Frame) -> Strawberries:
         """Berries of ``frame``, best first, in its own pixels; depth is not looked at."""
         image, size = prepare(frame.rgb, self.settings.longest_side, self.settings.stride)
-        raw = self._network.run(image, min(self.score_threshold, self.unsure_score))
-        if len(raw) == 0:
-            return Strawberries.empty((frame.height, frame.width))
+        least = min(self.score_threshold, self.unsure_score)
         return decode_detections(
-            raw, size, (frame.height, frame.width), self.settings.mask_threshold, self.score_threshold
+            self._network.run(image, least),
+            size,
+            (frame.height, frame.width),
+            self.settings.mask_threshold,
+            self.settings.keypoint_sigmas,
+            least_score=least,
+            unsure_below=self.score_threshold,
         )
 
 

@@ -17,6 +17,7 @@ from torchvision.models import ResNet50_Weights, ResNeXt101_32X8D_Weights  # noq
 from punnet.data.dataset import AnnotatedImage  # noqa: E402
 from punnet.errors import ConfigurationError  # noqa: E402
 from punnet.perception.decoding import decode_detections  # noqa: E402
+from punnet.perception.metrics import KEYPOINT_SIGMAS  # noqa: E402
 from punnet.perception.network import Network, RawDetections  # noqa: E402
 from punnet.train.detector.backbones import WideDepthwise, build_trunk  # noqa: E402
 from punnet.train.detector.config import BACKBONES, Backbone, DetectorConfig  # noqa: E402
@@ -60,7 +61,7 @@ def require_same(one: RawDetections, other: RawDetections, size: tuple[int, int]
     assert (one.boxes[:, 3] <= size[0]).all()
     if not len(one):
         return
-    found, again = (decode_detections(raw, size, size, 0.5) for raw in (one, other))
+    found, again = (decode_detections(raw, size, size, 0.5, KEYPOINT_SIGMAS) for raw in (one, other))
     assert len(found) == len(again)
     assert found.masks is not None
     assert again.masks is not None

@@ -78,7 +78,15 @@ def test_a_bundle_finds_what_its_checkpoint_finds(run: Path, model: Path) -> Non
     assert len(found) > 0
     network = TorchNetwork(rounded(network_of_checkpoint(run / "checkpoints" / "last.ckpt")))
     pixels, size = prepare(image, detector.settings.longest_side, detector.settings.stride)
-    expected = decode_detections(network.run(pixels, 0.06), size, size, detector.settings.mask_threshold)
+    settings = detector.settings
+    expected = decode_detections(
+        network.run(pixels, 0.06),
+        size,
+        size,
+        settings.mask_threshold,
+        settings.keypoint_sigmas,
+        least_score=0.06,
+    )
     assert len(found) == len(expected)
     np.testing.assert_allclose(found.boxes, expected.boxes, atol=0.1)
     np.testing.assert_allclose(found.scores, expected.scores, atol=1e-4)

@@ -31,7 +31,7 @@ def detector_settings(config: DetectorConfig) -> DetectorSettings:
         longest_side=config.longest_side,
         stride=STRIDE,
         mask_threshold=0.5,
-        score_threshold=0.5,
+        score_threshold=0.4,
         keypoint_sigmas=KEYPOINT_SIGMAS,
     )
 
@@ -60,11 +60,14 @@ def score_network(network: BerryDetector, images: Sequence[AnnotatedImage]) -> D
     def found(image: AnnotatedImage) -> Strawberries:
         rgb = read_image(image.path)
         pixels, size = prepare(rgb, settings.longest_side, settings.stride)
-        raw = runner.run(pixels, LEAST_SCORE)
-        if not len(raw):
-            return Strawberries.empty(rgb.shape[:2])
         return decode_detections(
-            raw, size, (rgb.shape[0], rgb.shape[1]), settings.mask_threshold, settings.score_threshold
+            runner.run(pixels, LEAST_SCORE),
+            size,
+            (rgb.shape[0], rgb.shape[1]),
+            settings.mask_threshold,
+            settings.keypoint_sigmas,
+            least_score=LEAST_SCORE,
+            unsure_below=settings.score_threshold,
         )
 
     return evaluate_detections((truth_of_image(image)[0] for image in images), map(found, images))
