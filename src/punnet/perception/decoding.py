@@ -26,6 +26,7 @@ __all__ = ["Patch", "decode_detections", "paste_mask", "without_duplicates"]
 _LOG = logging.getLogger(__name__)
 DUPLICATE_IOU = 0.7
 MASK_BYTES = 4_000_000_000
+POWERS = (0.5, 0.25)  # of the IoU and of the OKS to be expected, in a score
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +173,7 @@ def _rated(
     keypoints, similarity = place_keypoints(raw.heatmaps, raw.regions, areas, sigmas)
     there = 1.0 - raw.visibility[:, :, Visibility.ABSENT]
     oks = (similarity * there).sum(axis=1) / np.maximum(there.sum(axis=1), 1e-6)
-    scores = raw.scores * expected_iou(raw.masks, mask_threshold) ** 0.5 * oks**0.25
+    scores = raw.scores * expected_iou(raw.masks, mask_threshold) ** POWERS[0] * oks ** POWERS[1]
     order = np.argsort(-scores, kind="stable")
     order = order[scores[order] >= least_score]
     return replace(raw, scores=scores.astype(np.float32))[order], keypoints[order]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import signal
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,13 +22,13 @@ from torch.utils.data import DataLoader
 
 from punnet.data.dataset import AnnotatedImage
 from punnet.errors import ConfigurationError
-from punnet.outputs import Interrupted, write_text
+from punnet.outputs import write_text
 from punnet.train.detector.callbacks import SCORES_FILE, Averaging, Tell, Validation, progress
 from punnet.train.detector.config import DetectorConfig, DetectorTraining, Source, config_to_json
 from punnet.train.detector.module import VALIDATED, DetectorModule
 from punnet.train.detector.samples import Draws, OpenSource, Samples, collate, open_sources
 from punnet.train.detector.starting import describe_start, load_weights
-from punnet.train.loops import quiet_lightning
+from punnet.train.loops import fit_resumably, quiet_lightning
 
 __all__ = [
     "CHECKPOINTS",
@@ -130,20 +129,8 @@ def train_detector(
         draws = Draws(training, trainer.global_rank, trainer.world_size)
         if last.exists():
             draws.set_epoch(_epochs_done(last, training))
-        _fit(trainer, module, _loader(training, run, sources, draws), last)
+        fit_resumably(trainer, module, _loader(training, run, sources, draws), None, last)
     return last
-
-
-def _fit(trainer: lightning.Trainer, module: DetectorModule, loader: DataLoader[Any], last: Path) -> None:
-    """Train from the last checkpoint, if there is one; Ctrl-C says what was kept."""
-    at_interrupt = signal.getsignal(signal.SIGINT)
-    try:
-        trainer.fit(module, loader, ckpt_path=str(last) if last.exists() else None, weights_only=True)
-    except SystemExit as stopped:
-        if not trainer.interrupted:
-            raise
-        signal.signal(signal.SIGINT, at_interrupt)
-        raise Interrupted(last if last.exists() else None) from stopped
 
 
 def last_scores(folder: Path) -> dict[str, float]:
