@@ -89,3 +89,11 @@ def test_points_move_and_grow_with_the_region_and_no_berry_has_none(rng: np.rand
     assert same == pytest.approx(similarity, abs=1e-5)
     none, nothing = place_keypoints(maps[:0], REGION[:0], AREA[:0], SIGMAS)
     assert (none.shape, nothing.shape) == ((0, 5, 2), (0, 5))
+
+
+def test_maps_may_lie_in_memory_as_a_framework_left_them(rng: np.random.Generator) -> None:
+    maps = rng.normal(size=(1, CELLS, CELLS, 5)).astype(np.float32).transpose(0, 3, 1, 2)
+    points, similarity = place_keypoints(maps, REGION, AREA, SIGMAS)
+    again, same = place_keypoints(np.ascontiguousarray(maps), REGION, AREA, SIGMAS)
+    assert (points == again).all()
+    assert (similarity == same).all()

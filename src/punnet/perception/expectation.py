@@ -62,10 +62,10 @@ def place_keypoints(
     if not count:
         return np.zeros((0, kinds, 2)), np.zeros((0, kinds))
     sides = np.maximum(regions[:, 2:] - regions[:, :2], 1.0) / cells
-    probability = np.exp(heatmaps - heatmaps.max(axis=(2, 3), keepdims=True))
+    probability = np.exp(np.ascontiguousarray(heatmaps) - heatmaps.max(axis=(2, 3), keepdims=True))
     probability /= probability.sum(axis=(2, 3), keepdims=True)
     spreads = 2.0 * np.sqrt(np.maximum(areas, 1.0))[:, None] * np.asarray(sigmas)
-    expected = np.empty_like(probability)
+    expected = np.empty(heatmaps.shape, dtype=np.float32)
     for berry, kind in np.ndindex(count, kinds):
         along = [_falloff(spreads[berry, kind] / side, cells) for side in sides[berry]]
         cv2.sepFilter2D(

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from punnet.data.dataset import AnnotatedImage, Dataset
 from punnet.errors import ConfigurationError, PunnetError, ShapeError
+from punnet.perception.coco_scoring import Collection
 from punnet.perception.detector import Detector
-from punnet.scene import PLUCKABLE, Strawberries
+from punnet.perception.matching import match_masks
+from punnet.scene import PLUCKABLE
 from punnet.weight.observation import BerryObservation, observe
 
 __all__ = [
@@ -219,25 +221,8 @@ def _observed(image: AnnotatedImage, detector: Detector | None) -> list[tuple[in
     if detector is None:
         return [(counted[row], seen) for row, seen in zip(wanted, observe(frame, truth[wanted]), strict=True)]
     found = detector.detect(frame)
-    match = _matches(truth, found)
+    matching = match_masks(Collection().add(truth, found), score=0.0, iou=LEAST_OVERLAP)
+    match = matching.found_as(len(truth))
     hits = [row for row in wanted if match[row] >= 0]
     seen_as = dict(zip(hits, observe(frame, found[[int(match[row]) for row in hits]]), strict=True))
     return [(counted[row], seen_as.get(row, NOT_FOUND)) for row in wanted]
-
-
-def _matches(truth: Strawberries, found: Strawberries) -> NDArray[np.int64]:
-    """(T,) index of the detection of each annotated berry, −1 for none; the surest detections choose first."""
-    match = np.full(len(truth), -1, dtype=np.int64)
-    if truth.masks is None or found.masks is None or not len(found):
-        return match
-    annotated = truth.masks.reshape(len(truth), -1).astype(np.float32)
-    detected = found.masks.reshape(len(found), -1).astype(np.float32)
-    shared = detected @ annotated.T
-    either = detected.sum(axis=1)[:, None] + annotated.sum(axis=1)[None, :] - shared
-    overlaps = shared / np.maximum(either, 1.0)
-    for detection in np.argsort(-found.scores, kind="stable"):
-        candidates = np.where(match < 0, overlaps[detection], -1.0)
-        best = int(candidates.argmax())
-        if candidates[best] >= LEAST_OVERLAP:
-            match[best] = detection
-    return match

@@ -17,7 +17,7 @@ torch = pytest.importorskip("torch", reason="TRAINING NOT INSTALLED: pip install
 
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator  # noqa: E402
 
-from punnet.errors import ConfigurationError, FileFormatError, OutputError  # noqa: E402
+from punnet.errors import ConfigurationError, FileFormatError, OutputError, OutputExistsError  # noqa: E402
 from punnet.outputs import Interrupted  # noqa: E402
 from punnet.train.detector.bundling import network_of_checkpoint  # noqa: E402
 from punnet.train.detector.callbacks import Averaging  # noqa: E402
@@ -129,11 +129,11 @@ def test_a_finished_run_is_left_as_it_is(straight: Path, images: Path) -> None:
 
 
 def test_another_configuration_in_the_folder_is_a_fault(straight: Path, images: Path) -> None:
-    with pytest.raises(ConfigurationError, match="another training"):
+    with pytest.raises(OutputExistsError, match="with other training"):
         train_detector(CONFIG, replace(FIVE, seed=5), run_of(straight, images))
-    with pytest.raises(ConfigurationError, match="another detector"):
+    with pytest.raises(OutputExistsError, match="with other detector"):
         train_detector(small_config(channels=16), FIVE, run_of(straight, images))
-    with pytest.raises(ConfigurationError, match="another sources"):
+    with pytest.raises(OutputExistsError, match="with other sources"):
         train_detector(CONFIG, FIVE, run_of(straight, images, sources=(Source(images, 2.0),)))
 
 
@@ -149,7 +149,7 @@ def test_a_bad_start_leaves_no_claim_behind(images: Path, tmp_path: Path) -> Non
     assert not folder.exists()
     folder.mkdir()
     (folder / "config.json").write_text("{")
-    with pytest.raises(ConfigurationError, match="not the settings of a run"):
+    with pytest.raises(FileFormatError, match=r"config\.json: not readable as JSON"):
         train_detector(CONFIG, small_training(), run_of(folder, images))
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError):

@@ -22,13 +22,13 @@ from torch.utils.data import DataLoader
 
 from punnet.data.dataset import AnnotatedImage
 from punnet.errors import ConfigurationError
-from punnet.outputs import write_text
 from punnet.train.detector.callbacks import SCORES_FILE, Averaging, Tell, Validation, progress
 from punnet.train.detector.config import DetectorConfig, DetectorTraining, Source, config_to_json
 from punnet.train.detector.module import VALIDATED, DetectorModule
 from punnet.train.detector.samples import Draws, OpenSource, Samples, collate, open_sources
 from punnet.train.detector.starting import describe_start, load_weights
 from punnet.train.loops import fit_resumably, quiet_lightning
+from punnet.train.runs import claim_run, require_run_place
 
 __all__ = [
     "CHECKPOINTS",
@@ -42,6 +42,7 @@ __all__ = [
 CHECKPOINTS = "checkpoints"
 LAST = "last.ckpt"
 CONFIG_FILE = "config.json"
+WHAT = "training run of a detector"
 
 
 @dataclass(frozen=True)
@@ -102,8 +103,11 @@ def train_detector(
     Raises
     ------
     ConfigurationError
-        If the folder holds another run or a damaged one, the sources have no images, ``run.start`` does not fit, or there
-        is no GPU.
+        If the sources have no images, ``run.start`` does not fit, its last checkpoint is damaged, or there is no GPU.
+    FileFormatError
+        If the settings in the folder are damaged.
+    OutputExistsError
+        If the folder holds another run, or something else.
     OutputError
         If the folder can't be written.
     Interrupted
@@ -111,7 +115,7 @@ def train_detector(
     """
     tell = _say_nothing if tell is None else tell
     settings = _settings(config, training, run)
-    claimed = _is_claimed(run.folder, settings)
+    require_run_place(run.folder, CONFIG_FILE, what=WHAT)
     if run.accelerator == "gpu" and not torch.cuda.is_available():
         raise ConfigurationError("--accelerator gpu: PyTorch sees no GPU here; leave the option out")
     if run.threads is not None:
@@ -122,8 +126,7 @@ def train_detector(
     last = run.folder / CHECKPOINTS / LAST
     if run.start is not None and not last.exists():
         load_weights(module, run.start)
-    if not claimed:
-        write_text(run.folder / CONFIG_FILE, json.dumps(settings, indent=1) + "\n")
+    claim_run(run.folder, CONFIG_FILE, settings, what=WHAT)
     with quiet_lightning():
         trainer = _trainer(training, run, validated, tell)
         draws = Draws(training, trainer.global_rank, trainer.world_size)
@@ -154,31 +157,6 @@ def _settings(config: DetectorConfig, training: DetectorTraining, run: TrainingR
         "start": describe_start(run.start),
         "processes": run.processes,
     }
-
-
-def _is_claimed(folder: Path, settings: dict[str, Any]) -> bool:
-    """Whether the folder holds a run of these settings; False if it holds none.
-
-    Raises
-    ------
-    ConfigurationError
-        If it holds another.
-    """
-    path = folder / CONFIG_FILE
-    if not path.exists():
-        return False
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-        differing = sorted(k for k in settings if found.get(k) != settings[k])
-    except (OSError, ValueError, AttributeError) as error:
-        raise ConfigurationError(
-            f"{path}: not the settings of a run ({error}); give another folder"
-        ) from error
-    if differing:
-        raise ConfigurationError(
-            f"{folder}: holds a run with another {', '.join(differing)}; give another folder, or the same settings"
-        )
-    return True
 
 
 def _validation_images(run: TrainingRun) -> Sequence[AnnotatedImage]:
