@@ -11,7 +11,7 @@ from punnet.harvest.eyes import Eyes
 from punnet.harvest.failures import Failure, Recovery
 from punnet.harvest.loop import Harvester
 from punnet.harvest.scenario import Scenario, Session
-from punnet.robot import HOME, NOTHING_HELD, TOO_THICK, GripResult, MotionResult
+from punnet.robot import HOME, NOTHING_HELD, TOO_THICK, CutResult, GripResult, MotionResult
 from punnet.sim.world import WorldConfig
 from tests.harvest.kinematic import ARM, KinematicRobot, a_harvester
 
@@ -360,6 +360,34 @@ def test_after_the_pads_met_they_grip_deeper(session, pushed_ahead):
     run = session.run()
     assert pushed_ahead[:2] == [0.0, pytest.approx(0.016, abs=1e-4)]
     assert [attempt.outcome for attempt in run.attempts] == [Outcome.PICKED] * 2
+
+
+def test_a_stem_that_slips_from_the_pads_is_gripped_deeper_and_cut(session, pushed_ahead):
+    robot, cut = session.robot, session.robot.cut
+    grip, grips = robot.grip, []
+
+    def at_the_tips():
+        grips.append(grip())
+        return GripResult(True, 0.002) if len(grips) == 1 else grips[-1]
+
+    robot.grip = at_the_tips
+    robot.cut = lambda: cut() if len(grips) > 1 else CutResult(False, "no stem between the pads")
+    run = session.run()
+    assert pushed_ahead[:3] == [0.0, 0.0, pytest.approx(0.016, abs=1e-4)]
+    assert [attempt.outcome for attempt in run.attempts] == [Outcome.PICKED] * 2
+
+
+def test_a_stem_that_is_held_and_not_cut_is_left(session):
+    robot, cut, cuts = session.robot, session.robot.cut, []
+
+    def too_high():
+        cuts.append(robot.time)
+        return CutResult(False, "blade at a wrong height: 34 mm") if len(cuts) == 1 else cut()
+
+    robot.cut = too_high
+    run = session.run()
+    assert run.attempts[0].failure is Failure.NOT_CUT
+    assert run.attempts[0].reason == "the stem was not cut: blade at a wrong height: 34 mm"
 
 
 def test_they_do_not_where_another_stem_was_seen_ahead(session, pushed_ahead):

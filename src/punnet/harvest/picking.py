@@ -118,34 +118,16 @@ class Grip:
             self._parts.tell("has a fruit between the pads, grips higher", situation.in_hand)
             _require(self._parts.motions.raise_tool(_HIGHER))
             grip = self._parts.robot.grip()
-        if grip.reason == NOTHING_HELD and self._is_alone(situation.in_hand):
-            grip = self._deeper(situation)
+        if grip.reason == NOTHING_HELD and _is_alone(self._parts, situation.in_hand):
+            grip = _deeper(self._parts, situation)
         if not grip.holding:
             reason = grip.reason or ""
             raise StepFailed(Failure.from_reason(reason, Failure.NOT_GRIPPED), reason)
         return Phase.CUT
 
-    def _deeper(self, situation: Situation) -> GripResult:
-        """Grip farther on: coming in, the tool may have pushed the berry and its stem ahead of itself."""
-        robot = self._parts.robot
-        for _ in range(_TIMES_DEEPER):
-            self._parts.tell("has nothing between the pads, grips deeper", situation.in_hand)
-            robot.release(_opening(self._parts, situation))
-            _require(self._parts.motions.go_deeper(_DEEPER))
-            grip = robot.grip()
-            if grip.reason != NOTHING_HELD:
-                break
-        return grip
-
-    def _is_alone(self, attempt: Attempt) -> bool:
-        """Whether no other stem was seen where the tool stands or ahead of it."""
-        others = np.delete(attempt.berries.picking_points, attempt.row, axis=0)
-        x, y, z = _IN_THE_WAY[:, None] > np.abs(self._parts.motions.from_tool(others)).T
-        return not bool((x & y & z).any())
-
 
 class Cut:
-    """The stem cut above the pads."""
+    """The stem cut above the pads; a second time where it had slipped from them."""
 
     phase = Phase.CUT
 
@@ -153,12 +135,40 @@ class Cut:
         self._parts = parts
 
     def do(self, situation: Situation) -> Phase | None:
-        """Drive the blade."""
-        self._parts.tell(CUTTING, situation.in_hand)
-        cut = self._parts.robot.cut()
+        """Drive the blade.
+
+        What the pads still hold and the blade has not parted is left: it hangs so far from where it was seen that it is
+        another berry's, as a rule.
+        """
+        parts, attempt = self._parts, situation.in_hand
+        parts.tell(CUTTING, attempt)
+        cut = parts.robot.cut()
+        slipped = not cut.cut and parts.robot.grip().reason == NOTHING_HELD
+        if slipped and _is_alone(parts, attempt) and _deeper(parts, situation).holding:
+            parts.tell(CUTTING, attempt)
+            cut = parts.robot.cut()
         if not cut.cut:
             raise StepFailed(Failure.NOT_CUT, cut.reason or "")
         return Phase.PLACE
+
+
+def _deeper(parts: Parts, situation: Situation) -> GripResult:
+    """Grip farther on: coming in, the tool may have pushed the berry and its stem ahead of itself."""
+    for _ in range(_TIMES_DEEPER):
+        parts.tell("has nothing between the pads, grips deeper", situation.in_hand)
+        parts.robot.release(_opening(parts, situation))
+        _require(parts.motions.go_deeper(_DEEPER))
+        grip = parts.robot.grip()
+        if grip.reason != NOTHING_HELD:
+            break
+    return grip
+
+
+def _is_alone(parts: Parts, attempt: Attempt) -> bool:
+    """Whether no other stem was seen where the tool stands or ahead of it."""
+    others = np.delete(attempt.berries.picking_points, attempt.row, axis=0)
+    x, y, z = _IN_THE_WAY[:, None] > np.abs(parts.motions.from_tool(others)).T
+    return not bool((x & y & z).any())
 
 
 class Place:
