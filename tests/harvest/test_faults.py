@@ -402,7 +402,7 @@ def test_they_do_not_where_another_stem_was_seen_ahead(session, pushed_ahead):
 
 @pytest.mark.parametrize(
     ("ripeness", "score", "left"),
-    [(0.7, 1.0, {1}), (0.85, 0.9, {1}), (0.85, 0.95, set())],
+    [(0.7, 1.0, {1}), (0.85, 0.6, {1}), (0.85, 0.7, set())],
     ids=["unripe", "nearly ripe and unsure", "nearly ripe and sure"],
 )
 def test_what_is_not_ripe_enough_is_left(session, ripeness, score, left):

@@ -17,7 +17,7 @@ from punnet.scene import KEYPOINTS, Frame, Strawberries, Target, Visibility
 __all__ = ["Check", "Order", "Plan"]
 
 _TOP = KEYPOINTS.index("top")
-_SURE, _LENIENT = 0.93, 0.05  # from which score a berry may be how much less ripe
+_SURE, _LENIENT = 0.65, 0.10  # from which score a berry may be how much less ripe
 
 
 class Order:
