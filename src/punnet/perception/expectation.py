@@ -67,9 +67,9 @@ def place_keypoints(
     spreads = 2.0 * np.sqrt(np.maximum(areas, 1.0))[:, None] * np.asarray(sigmas)
     expected = np.empty(heatmaps.shape, dtype=np.float32)
     for berry, kind in np.ndindex(count, kinds):
-        along = [_falloff(spreads[berry, kind] / side, cells) for side in sides[berry]]
-        cv2.sepFilter2D(
-            probability[berry, kind], -1, *along, dst=expected[berry, kind], borderType=cv2.BORDER_CONSTANT
+        along_u, along_v = (_falloff(spreads[berry, kind] / side, cells) for side in sides[berry])
+        expected[berry, kind] = cv2.sepFilter2D(
+            probability[berry, kind], -1, along_u, along_v, borderType=cv2.BORDER_CONSTANT
         )
     highest = expected.reshape(count, kinds, -1).argmax(axis=2)
     row, column = np.divmod(highest, cells)
