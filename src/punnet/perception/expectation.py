@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import cv2
@@ -65,25 +64,27 @@ def place_keypoints(
     probability = np.exp(np.ascontiguousarray(heatmaps) - heatmaps.max(axis=(2, 3), keepdims=True))
     probability /= probability.sum(axis=(2, 3), keepdims=True)
     spreads = 2.0 * np.sqrt(np.maximum(areas, 1.0))[:, None] * np.asarray(sigmas)
+    falloff, reach = _falloff(spreads[:, :, None] / sides[:, None], cells)
     expected = np.empty(heatmaps.shape, dtype=np.float32)
-    for berry, kind in np.ndindex(count, kinds):
-        along_u, along_v = (_falloff(spreads[berry, kind] / side, cells) for side in sides[berry])
-        expected[berry, kind] = cv2.sepFilter2D(
-            probability[berry, kind], -1, along_u, along_v, borderType=cv2.BORDER_CONSTANT
+    for at in np.ndindex(count, kinds):
+        along_u, along_v = (
+            line[cells - 1 - far : cells + far] for line, far in zip(falloff[at], reach[at], strict=True)
         )
+        expected[at] = cv2.sepFilter2D(probability[at], -1, along_u, along_v, borderType=cv2.BORDER_CONSTANT)
     highest = expected.reshape(count, kinds, -1).argmax(axis=2)
     row, column = np.divmod(highest, cells)
     berries, all_kinds = np.arange(count)[:, None], np.arange(kinds)
     across, down = expected[berries, all_kinds, row], expected[berries, all_kinds, :, column]
-    at = np.stack((column + _summit(across, column), row + _summit(down, row)), axis=2)
-    points = (at + 0.5) * sides[:, None] + regions[:, None, :2]
+    places = np.stack((column + _summit(across, column), row + _summit(down, row)), axis=2)
+    points = (places + 0.5) * sides[:, None] + regions[:, None, :2]
     return points, np.minimum(expected[berries, all_kinds, row, column], 1.0).astype(np.float64)
 
 
-def _falloff(spread: float, cells: int) -> NDArray[np.float32]:
-    """A Gaussian of height 1 and so many cells' spread, cut where it is under 1/500 or no map is so large."""
-    reach = min(math.ceil(_SPREADS * spread), cells - 1)
-    return np.exp(-0.5 * (np.arange(-reach, reach + 1) / spread) ** 2).astype(np.float32)
+def _falloff(spreads: NDArray[np.float64], cells: int) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    """Gaussians (..., 2·cells − 1) of height 1 in the middle, and how many cells (...) to each side count: down to 1/500."""
+    distance = np.arange(1 - cells, cells)
+    lines = np.exp(-0.5 * np.square(distance / spreads[..., None])).astype(np.float32)
+    return lines, np.minimum(np.ceil(_SPREADS * spreads), cells - 1).astype(np.int64)
 
 
 def _summit(lines: NDArray[np.float32], top: NDArray[np.int64]) -> NDArray[np.float64]:
