@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import logging
 import signal
 import warnings
@@ -19,9 +18,6 @@ from torch.utils.data import DataLoader, Sampler
 from punnet.outputs import Interrupted
 
 __all__ = ["BatchDraws", "fit_resumably", "quiet_lightning"]
-
-# Of glibc's malloc.h, and what they are set to: never a mapping of its own for a large block, nothing given back, one arena.
-_MALLOC_OPTIONS = {-4: 0, -1: -1, -8: 1}
 
 
 class BatchDraws(Sampler[tuple[int, NDArray[np.int64]]]):
@@ -65,7 +61,6 @@ def fit_resumably(
     Interrupted
         At Ctrl-C, with the last checkpoint.
     """
-    _keep_freed_memory()
     at_interrupt = signal.getsignal(signal.SIGINT)
     try:
         trainer.fit(
@@ -80,17 +75,6 @@ def fit_resumably(
             raise
         signal.signal(signal.SIGINT, at_interrupt)
         raise Interrupted(last if last.exists() else None) from stopped
-
-
-def _keep_freed_memory() -> None:
-    """Let glibc hand out again what a step has freed, in place of giving it to the system, which clears every page anew.
-
-    A step needs the same large blocks as the one before. Other libraries of C are left as they are.
-    """
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
-    if mallopt is not None:
-        for option, value in _MALLOC_OPTIONS.items():
-            mallopt(option, value)
 
 
 @contextmanager
