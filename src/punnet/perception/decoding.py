@@ -112,7 +112,7 @@ def decode_detections(
 
     A berry's score is how sure the network is of its class, times √(IoU to be expected of its mask), times ⁴√(OKS to be
     expected of its key-points): where to put what also matters to whoever acts on it. The powers were chosen for average
-    precision on simulated images that are in no test (docs/detecting.md).
+    precision on simulated images that are in no test (docs/table-3-3.md).
 
     Parameters
     ----------
