@@ -99,10 +99,12 @@ def test_a_bundle_of_a_run_weighs(data: Path, trained: Path, tmp_path: Path) -> 
 
 def test_figure_4_12_of_one_model(data: Path, tmp_path: Path) -> None:
     result = run(
-        "reproduce", "fig-4-12", "--data", data, "--model", "forest", "--quick", "--out", tmp_path / "figure"
+        *("reproduce", "fig-4-12", "--data", data, "--model", "forest", "--masks", "colour", "--quick"),
+        *("--out", tmp_path / "figure"),
     )
     assert result.exit_code == 0, result.output
     assert "| Random forest |" in result.stdout
+    assert "masks of colour |" in result.stdout
     assert {path.name for path in (tmp_path / "figure").iterdir()} >= {
         "fig-4-12.md",
         "fig-4-12.png",

@@ -67,7 +67,7 @@ def test_reach_grip_cut_and_carry(robot):
     assert list(np.flatnonzero(~world.attached())) == [berry]
     back = np.stack((robot.joints(), HOME))
     assert robot.follow(retime(back, ARM.limits, speed=0.6)).reached
-    assert robot.holding().holding
+    assert robot.gripped() == {berry}
     held = world.berry_poses()[berry][:3, 3]
     tool = ARM.forward_kinematics_tool(robot.joints())[:3, 3]
     assert np.linalg.norm(held - tool) < 0.03

@@ -55,7 +55,11 @@ def test_missed_berries_go_with_their_plant() -> None:
 def test_parts_by_name() -> None:
     whole = samples(60)
     assert part_of(whole, "all") is whole
-    assert part_of(whole, "test").groups == split_groups(whole).test.groups
+    aside = part_of(whole, "test")
+    assert aside.groups == split_groups(whole).test.groups
+    assert part_of(aside, "test").groups == aside.groups  # of images that are all of that part
+    with pytest.raises(ConfigurationError, match="none of .* in part 'train'"):
+        part_of(aside, "train")
     with pytest.raises(ConfigurationError, match="no part 'rest'"):
         part_of(whole, "rest")
 

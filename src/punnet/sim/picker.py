@@ -20,6 +20,7 @@ from punnet.sim.placed_arm import PlacedArm
 __all__ = [
     "BLADE_RETRACTED",
     "CAMERA_NAME",
+    "CLOSING_FORCE",
     "PAD_GEOMS",
     "SEPARATION_ANGLE",
     "add_picker",
@@ -31,8 +32,9 @@ SEPARATION_ANGLE = (0.0, 0.36)
 """Angle of each separation finger to the tool axis, closed and fully open, radians."""
 BLADE_RETRACTED = -0.035
 """Where the blade waits, metres behind the grip point."""
+CLOSING_FORCE = 3.0
+"""Newtons of each pad as it closes: a stem holds, and a fruit between both is not bruised."""
 
-_GRIP_FORCE = 3.0  # newtons of each pad; a stem holds, and a fruit between both is not bruised
 _GRIP_Z = float(T_FLANGE_TOOL[2, 3])
 _DARK = (0.13, 0.13, 0.15, 1.0)
 _PRINTED = (0.82, 0.83, 0.85, 1.0)
@@ -135,7 +137,7 @@ def _add_grasping_finger(spec: mujoco.MjSpec, flange: mujoco.MjsBody, side: floa
         name=f"grasp_{name}",
         trntype=mujoco.mjtTrn.mjTRN_JOINT,
         target=joint.name,
-        forcerange=(-_GRIP_FORCE, _GRIP_FORCE),
+        forcerange=(-CLOSING_FORCE, CLOSING_FORCE),
     )
     actuator.set_to_position(kp=1500.0, kv=20.0)
 

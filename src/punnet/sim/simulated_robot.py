@@ -18,7 +18,7 @@ from punnet.sim.camera_effects import CameraEffects, apply_effects
 from punnet.sim.cutting import CUT_ABOVE_CALYX, StemState, apply_cut, gripped_berries, stem_states
 from punnet.sim.depth_sensor import StereoDepthModel
 from punnet.sim.layers import ARM_VISUAL
-from punnet.sim.picker import BLADE_RETRACTED, CAMERA_NAME, SEPARATION_ANGLE
+from punnet.sim.picker import BLADE_RETRACTED, CAMERA_NAME, CLOSING_FORCE, SEPARATION_ANGLE
 from punnet.sim.punnets import PUNNET_PLACES, inside_punnet
 from punnet.sim.rendering import CameraRenderer
 from punnet.sim.world import TIME_STEP, World
@@ -42,6 +42,7 @@ _GENTLE = 0.0006  # metres that each pad's target leads it by while it closes: l
 _GENTLE_TIME = 2.0
 _STANDS_STILL = 0.4  # of the speed that it had: something is in its way
 _FIRM_TIME = 0.2
+_HOLDING_FORCE = 8.0  # newtons of each pad that holds a stem and no fruit: a leaf in its way must not push them open
 _WEIGH_NOISE = 0.1  # grams, one standard deviation of the weigh cell
 _SETTLE_TIME = 0.4
 
@@ -171,9 +172,10 @@ class SimulatedRobot:
         """Close the grasping fingers, gently first: pads that stay apart have a fruit between them, and open again.
 
         So they do if, closed with force, they are farther apart than a stem is thick: what a leaf or a second stem keeps
-        apart does not hold the berry. Holding is judged by the gap that is left.
+        apart does not hold the berry. Holding is judged by the gap that is left. A stem alone is then held harder.
         """
         opening = self._pad_gap() / 2.0 / GRIP_OPENING
+        self._limit_force(CLOSING_FORCE)
         self._close_gently()
         gap = self._pad_gap()
         if gap > _THICKEST_STEMS:
@@ -184,7 +186,10 @@ class SimulatedRobot:
         if gap > _THICKEST_STEM:
             self.release(opening)
             return GripResult(False, gap, NOT_ALONE)
-        return self.holding()
+        if gap <= _HOLDING_GAP:
+            return GripResult(False, gap, NOTHING_HELD)
+        self._limit_force(_HOLDING_FORCE)
+        return GripResult(True, gap)
 
     def _close_gently(self) -> None:
         """Pads towards each other until both are held up, or as near to each other as stems are thick."""
@@ -203,10 +208,10 @@ class SimulatedRobot:
                 break
         data.ctrl[ids] = data.qpos[at]
 
-    def holding(self) -> GripResult:
-        """Whether the pads still hold something, without moving them."""
-        gap = self._pad_gap()
-        return GripResult(gap > _HOLDING_GAP, gap, None if gap > _HOLDING_GAP else NOTHING_HELD)
+    def _limit_force(self, newtons: float) -> None:
+        """Let each pad press with so much."""
+        for name in ("grasp_left", "grasp_right"):
+            self.world.model.actuator(name).forcerange[:] = (-newtons, newtons)
 
     def _pad_gap(self) -> float:
         qpos = self.world.data.qpos
@@ -224,6 +229,7 @@ class SimulatedRobot:
 
     def release(self, opening: float = 1.0) -> None:
         """Open the grasping fingers by ``opening`` in [0, 1]."""
+        self._limit_force(CLOSING_FORCE)
         half = float(np.clip(opening, 0.0, 1.0)) * GRIP_OPENING
         self._move_fingers({"grasp_left": half, "grasp_right": half}, _FINGER_TIME)
 

@@ -76,8 +76,11 @@ def part_of(samples: WeightSamples, part: str) -> WeightSamples:
     _require_part(part)
     if part == "all":
         return samples
-    chosen = getattr(split_groups(samples), part)
-    assert isinstance(chosen, WeightSamples)
+    chosen = _between(samples, 0, *_bounds(TEST_SHARE, VALIDATION_SHARE)[part])
+    if not len(chosen):
+        raise ConfigurationError(
+            f"split: none of {len(set(samples.groups))} plants are in part '{part}'; give more images"
+        )
     return chosen
 
 
