@@ -71,6 +71,24 @@ def test_what_was_refused_may_be_tried_anew_when_another_is_gone() -> None:
     assert len(memory.to_json()) == 3
 
 
+def test_what_was_refused_waits_for_the_others() -> None:
+    memory = Memory(0.025, 3)
+    elsewhere = POINT + np.array([0.0, 0.1, 0.0])
+    memory.learn(an_attempt(Failure.NOT_FREE, approach=None))
+    memory.learn(an_attempt(Failure.NOT_GRIPPED, elsewhere))
+    assert memory.waits(POINT)
+    assert not memory.waits(elsewhere)
+    assert memory.next_second_view() is memory.at(elsewhere)
+    assert memory.next_second_view() is None
+    assert memory.next_refused() is memory.at(POINT)
+    assert memory.next_refused() is None  # asked for once
+    assert not memory.waits(POINT)
+    memory.learn(an_attempt(Failure.NOT_FREE, approach=None))
+    memory.learn(an_attempt(None, elsewhere))
+    assert not memory.waits(POINT)  # a berry is gone: it is planned for from home again
+    assert memory.next_refused() is None
+
+
 def test_memory_survives_being_written_down() -> None:
     memory = Memory(0.025, 3)
     memory.learn(an_attempt(Failure.NOT_GRIPPED))

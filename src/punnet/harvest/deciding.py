@@ -23,8 +23,9 @@ _SURE, _LENIENT = 0.65, 0.10  # from which score a berry may be how much less ri
 class Order:
     """Which berry next, and for which punnet.
 
-    A berry whose stem something hides waits: after the picks before it, or from a side, it may be seen better. When
-    none is left that can be seen, it is tried as it showed best.
+    A berry that has no free approach waits for the others: picking them may free it. When there is no other, it is looked at
+    from a second view. A berry whose stem something hides waits too: after the picks before it, or from a side, it may
+    be seen better. When none is left that can be seen, it is tried as it showed best.
     """
 
     phase = Phase.ORDER
@@ -44,6 +45,11 @@ class Order:
             return None
         from_home = situation.second_view_of is None and situation.side_view == 0
         if situation.second_view_of is None:
+            waiting = [row for row in rows if situation.memory.waits(berries.picking_points[row])]
+            rows = [row for row in rows if row not in waiting]
+            situation.only_refused = bool(waiting) and not rows
+            if situation.only_refused:
+                return Phase.LOOK
             hidden = [row for row in rows if stem_is_hidden(berries, row)]
             situation.hidden += [Sighting(frame, berries, row, from_home) for row in hidden]
             rows = [row for row in rows if row not in hidden]

@@ -175,7 +175,13 @@ class Harvester:
                     self._note(phase, stuck, Recovery.STOP)
                     raise
             self._end(attempt)
+            if failed.failure is Failure.NOT_FREE and self._seen_from_home(attempt):
+                return Phase.ORDER
         return Phase.LOOK
+
+    def _seen_from_home(self, attempt: Attempt) -> bool:
+        """Whether the last look was from home, and the attempt's: what it showed still holds if nothing has moved."""
+        return attempt.frame is self._situation.frame and not attempt.second_view
 
     def _note(self, phase: Phase, failed: StepFailed, recovery: Recovery) -> None:
         """Write a failure down."""

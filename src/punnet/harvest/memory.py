@@ -87,10 +87,10 @@ class Memory:
         place.second_view |= recovery in (Recovery.OTHER_SIDE, Recovery.SECOND_VIEW)
 
     def _something_is_gone(self) -> None:
-        """What was refused may be free now: its tries count anew."""
+        """What was refused may be free now: its tries count anew, and from home."""
         for place in self._places:
             if place.refused:
-                place.tries, place.refused = 0, False
+                place.tries, place.refused, place.second_view = 0, False, False
 
     def to_json(self) -> list[dict[str, Any]]:
         """Plain values, from which :meth:`restore` makes the same memory."""
@@ -134,9 +134,21 @@ class Memory:
             raise FileFormatError(f"memory of places: not as it was written ({error!r})") from error
 
     def next_second_view(self) -> Place | None:
-        """A place that is to be looked at from a second view now; asked for once."""
-        for place in self._places:
+        """A place where a try failed, which is to be looked at from a second view now; asked for once."""
+        return self._asked_once([place for place in self._places if not place.refused])
+
+    def next_refused(self) -> Place | None:
+        """A place where the last try was not begun, to be looked at from a second view now; asked for once."""
+        return self._asked_once([place for place in self._places if place.refused])
+
+    def _asked_once(self, places: list[Place]) -> Place | None:
+        for place in places:
             if place.second_view and place.tries < self._attempts and not place.aside:
                 place.second_view = False
                 return place
         return None
+
+    def waits(self, point: NDArray[np.float64]) -> bool:
+        """Whether a berry at a point (3,) is left till there is no other: what hangs in its way may be picked first."""
+        place = self.at(point)
+        return place.refused and place.second_view

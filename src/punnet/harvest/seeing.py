@@ -69,7 +69,8 @@ class Look:
 
     def _second_view(self, situation: Situation) -> Place | None:
         """Move to where a berry that was tried is to be seen from; None if there is none, or no way there."""
-        place = situation.memory.next_second_view()
+        memory = situation.memory
+        place = memory.next_second_view() or (memory.next_refused() if situation.only_refused else None)
         if place is None or situation.frame is None or situation.berries is None:
             return None
         directions = untried_directions(situation.frame, situation.berries, place)

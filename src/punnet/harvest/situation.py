@@ -56,7 +56,8 @@ class Situation:
     ``frame`` and ``berries`` are of the last look; ``second_view_of`` is the place it was turned to, None if the plant was
     looked at from home; ``attempt`` is the one in hand. ``looks`` counts them, ``in_vain`` those in a row that gave nothing;
     ``side_view`` is the number of the view of the whole plant that comes next or was taken last, 0 from home;
-    ``hidden`` are berries of these views whose stems something hides.
+    ``hidden`` are berries of these views whose stems something hides. ``only_refused`` says that besides those no berry is
+    left but such as were refused, for what hangs in their way.
     """
 
     memory: Memory
@@ -69,6 +70,7 @@ class Situation:
     in_vain: int = 0
     side_view: int = 0
     hidden: list[Sighting] = field(default_factory=list)
+    only_refused: bool = False
 
     @property
     def seen(self) -> tuple[Frame, Strawberries]:

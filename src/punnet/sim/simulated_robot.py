@@ -42,7 +42,7 @@ _GENTLE = 0.0006  # metres that each pad's target leads it by while it closes: l
 _GENTLE_TIME = 2.0
 _STANDS_STILL = 0.4  # of the speed that it had: something is in its way
 _FIRM_TIME = 0.2
-_HOLDING_FORCE = 8.0  # newtons of each pad that holds a stem and no fruit: a leaf in its way must not push them open
+_HOLDING_FORCE = 8.0  # newtons of each pad on the stem of what came off: a leaf in its way must not push them open
 _WEIGH_NOISE = 0.1  # grams, one standard deviation of the weigh cell
 _SETTLE_TIME = 0.4
 
@@ -172,7 +172,7 @@ class SimulatedRobot:
         """Close the grasping fingers, gently first: pads that stay apart have a fruit between them, and open again.
 
         So they do if, closed with force, they are farther apart than a stem is thick: what a leaf or a second stem keeps
-        apart does not hold the berry. Holding is judged by the gap that is left. A stem alone is then held harder.
+        apart does not hold the berry. Holding is judged by the gap that is left.
         """
         opening = self._pad_gap() / 2.0 / GRIP_OPENING
         self._limit_force(CLOSING_FORCE)
@@ -186,10 +186,7 @@ class SimulatedRobot:
         if gap > _THICKEST_STEM:
             self.release(opening)
             return GripResult(False, gap, NOT_ALONE)
-        if gap <= _HOLDING_GAP:
-            return GripResult(False, gap, NOTHING_HELD)
-        self._limit_force(_HOLDING_FORCE)
-        return GripResult(True, gap)
+        return GripResult(gap > _HOLDING_GAP, gap, None if gap > _HOLDING_GAP else NOTHING_HELD)
 
     def _close_gently(self) -> None:
         """Pads towards each other until both are held up, or as near to each other as stems are thick."""
@@ -220,10 +217,15 @@ class SimulatedRobot:
         )
 
     def cut(self) -> CutResult:
-        """Drive the blade forward and back; it parts what the rule of :mod:`punnet.sim.cutting` lets it part."""
+        """Drive the blade forward and back; it parts what the rule of :mod:`punnet.sim.cutting` lets it part.
+
+        What came off is held harder from then on, until it is released.
+        """
         self._move_fingers({"blade": 0.006}, _BLADE_TIME)
         states = stem_states(self.world)
         came_off = apply_cut(self.world)
+        if came_off:
+            self._limit_force(_HOLDING_FORCE)
         self._move_fingers({"blade": BLADE_RETRACTED}, _BLADE_TIME)
         return CutResult(bool(came_off), None if came_off else _why_not_cut(states))
 

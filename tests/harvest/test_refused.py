@@ -1,0 +1,79 @@
+"""Berries with no free approach: they wait for those that may hang in their way, and are looked at again last."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from punnet.errors import PlanningError
+from punnet.harvest.attempts import Outcome, Phase
+from punnet.harvest.deciding import Plan
+from punnet.harvest.failures import Failure
+from punnet.harvest.scenario import Scenario, Session
+from punnet.sim.world import WorldConfig
+from tests.harvest.kinematic import KinematicRobot, a_harvester
+
+
+@pytest.fixture(scope="module")
+def two_berries():
+    """One look at a simulated plant, and two ripe berries in it, the one that hangs in front first."""
+    with Session(Scenario(6, "oracle", WorldConfig(arm_visuals=False))) as session:
+        frame = session.robot.look()
+        berries = session.harvester._parts.eyes._detector.detect(frame)
+        rows = np.flatnonzero(berries.pluckable)
+        return frame, berries[rows[np.argsort(berries.picking_points[rows, 0])[[0, -1]]]]
+
+
+class Blocked:
+    """A planner to which one berry has no free approach while ``blocked`` says so."""
+
+    def __init__(self, planner, point, blocked):
+        self._planner, self._point, self._blocked = planner, point, blocked
+        self.name = "blocked"
+
+    def plan(self, frame, target, start):
+        if np.allclose(target.picking_point, self._point) and self._blocked():
+            raise PlanningError("no free approach: whichever way the tool comes in")
+        return self._planner.plan(frame, target, start)
+
+
+def harvested(two_berries, blocked, refused=0):
+    """Robot and run with a planner that refuses berry number ``refused`` while ``blocked`` of the robot is true."""
+    frame, berries = two_berries
+    robot = KinematicRobot(frame, berries)
+    harvester = a_harvester(robot, look_on_the_way=0.0)
+    parts = harvester._parts
+    planner = Blocked(parts.planner, berries.picking_points[refused], lambda: blocked(robot))
+    harvester._parts = replace(parts, planner=planner)
+    harvester._steps[Phase.PLAN] = Plan(harvester._parts)
+    looks = []
+    look = robot.look
+    robot.look = lambda: looks.append(len(robot.hanging)) or look()
+    return harvester.run(), looks
+
+
+def test_it_is_picked_after_the_other_without_a_second_view(two_berries):
+    run, looks = harvested(two_berries, lambda robot: len(robot.hanging) == 2)
+    outcomes = [attempt.outcome for attempt in run.attempts]
+    assert outcomes == [Outcome.SKIPPED, Outcome.PICKED, Outcome.PICKED]
+    assert not any(attempt.second_view for attempt in run.attempts)
+    assert looks.count(2) == 1  # the refusal and the first pick are of one look
+
+
+def test_the_only_one_left_is_looked_at_from_a_second_view(two_berries):
+    refusals = iter((True, False))
+    run, _ = harvested(
+        two_berries, lambda robot: len(robot.hanging) == 1 and next(refusals, False), refused=1
+    )
+    outcomes = [attempt.outcome for attempt in run.attempts]
+    assert outcomes == [Outcome.PICKED, Outcome.SKIPPED, Outcome.PICKED]
+    assert [attempt.second_view for attempt in run.attempts] == [False, False, True]
+
+
+def test_one_that_stays_blocked_is_given_up(two_berries):
+    run, looks = harvested(two_berries, lambda robot: True)
+    assert [attempt.outcome for attempt in run.attempts].count(Outcome.PICKED) == 1
+    skipped = [attempt for attempt in run.attempts if attempt.outcome is Outcome.SKIPPED]
+    assert {attempt.failure for attempt in skipped} == {Failure.NOT_FREE}
+    assert len(skipped) == 1 + 3  # once before the other was picked, three times after it
+    assert len(looks) < 10
