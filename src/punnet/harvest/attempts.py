@@ -88,6 +88,11 @@ class Attempt:
         """The berry alone, a container of one."""
         return self.berries[self.row]
 
+    @property
+    def refused(self) -> bool:
+        """Whether it was not begun for what hung in the way."""
+        return self.failure is Failure.NOT_FREE
+
     def to_json(self) -> dict[str, Any]:
         """Plain values; frame, berries and distribution are kept apart."""
         return {

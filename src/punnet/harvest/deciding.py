@@ -69,6 +69,7 @@ class Order:
         number = len(situation.run.attempts) + 1
         sighting, punnet = self._choose(sightings, number)
         berries, row = sighting.berries, sighting.row
+        situation.frame, situation.berries = sighting.frame, berries
         low, high = berries.weight_intervals[row]
         situation.attempt = Attempt(
             number=number,

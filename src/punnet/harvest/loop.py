@@ -87,6 +87,7 @@ class Harvester:
         self._steps: dict[Phase, Step] = {step.phase: step(self._parts) for step in STEPS}
         self.journal: Journal | None = None
         """Told of each attempt; set before :meth:`run`."""
+        self._first_phase: Phase | None = Phase.LOOK
         self.is_home = False
         """Whether the arm is known to be home, the tool open and empty; :meth:`run` goes there first if not."""
         self._before = (0.0, 0.0)
@@ -114,7 +115,7 @@ class Harvester:
         try:
             if not self.is_home:
                 self._parts.motions.require_home()
-            phase: Phase | None = Phase.LOOK
+            phase = self._first_phase
             while phase is not None:
                 phase = self._do(phase)
         except KeyboardInterrupt:
@@ -175,13 +176,8 @@ class Harvester:
                     self._note(phase, stuck, Recovery.STOP)
                     raise
             self._end(attempt)
-            if failed.failure is Failure.NOT_FREE and self._seen_from_home(attempt):
-                return Phase.ORDER
+            return _after(attempt)
         return Phase.LOOK
-
-    def _seen_from_home(self, attempt: Attempt) -> bool:
-        """Whether the last look was from home, and the attempt's: what it showed still holds if nothing has moved."""
-        return attempt.frame is self._situation.frame and not attempt.second_view
 
     def _note(self, phase: Phase, failed: StepFailed, recovery: Recovery) -> None:
         """Write a failure down."""
@@ -198,6 +194,7 @@ class Harvester:
     def _end(self, attempt: Attempt) -> None:
         """Learn from an attempt, and write it down."""
         self._situation.attempt = None
+        self._situation.only_refused = attempt.refused and attempt.second_view
         self._situation.memory.learn(attempt)
         self._time(attempt)
         self._parts.tell(summary(attempt), attempt)
@@ -243,6 +240,8 @@ class Harvester:
             first, last = history.attempts[0], history.attempts[-1]
             run.first_frame, run.first_berries = first.frame, first.berries
             self._situation.frame, self._situation.berries = last.frame, last.berries
+            self._situation.only_refused = last.refused and last.second_view
+            self._first_phase = _after(last)
 
     def reconcile(self) -> list[float]:
         """Grams that each punnet holds beyond what the attempts account for, as the berry of a pick that was cut short.
@@ -250,6 +249,7 @@ class Harvester:
         For a robot whose world went on while the program was dead, after :meth:`restore`: the berry is in the
         punnet's weight from then on, and counted as no pick.
         """
+        self._first_phase = Phase.LOOK
         gained = []
         for number in self._parts.packer.punnets:
             reading = self._parts.robot.weigh_punnet(number)
@@ -273,6 +273,11 @@ class Harvester:
         robot, ours = self._now()
         self.run_so_far.seconds_simulated = self._before[0] + robot - self._began[0]
         self.run_so_far.seconds_computing = self._before[1] + ours - self._began[1]
+
+
+def _after(attempt: Attempt) -> Phase:
+    """What follows an attempt that was not a pick: a look, unless nothing has moved since the last one from home."""
+    return Phase.ORDER if attempt.refused and not attempt.second_view else Phase.LOOK
 
 
 def summary(attempt: Attempt) -> str:

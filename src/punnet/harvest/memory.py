@@ -76,7 +76,7 @@ class Memory:
         place.point = attempt.picking_point
         if attempt.approach is not None:
             place.approaches.append(attempt.approach)
-        place.refused = attempt.failure is Failure.NOT_FREE
+        place.refused = attempt.refused
         if attempt.failure is None:
             self._something_is_gone()
             return

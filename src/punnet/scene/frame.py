@@ -203,7 +203,7 @@ class Frame:
             raise FileFormatError(f"{camera}: depth_scale must be metres per count, in (0, 1), got {scale!r}")
         return cls(
             rgb=image,
-            depth=None if counts is None else (counts.astype(np.float64) * scale).astype(np.float32),
+            depth=None if counts is None else counts.astype(np.float32) * np.float32(scale),
             camera=None if intrinsics is None else CameraIntrinsics.from_json(intrinsics, where=str(camera)),
             T_base_camera=None if pose is None else np.asarray(pose, dtype=np.float64),
             timestamp=float(description.get("timestamp", 0.0)),
