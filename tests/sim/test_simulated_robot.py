@@ -65,6 +65,13 @@ def test_reach_grip_cut_and_carry(robot):
     assert robot.gripped() == {berry}
     assert robot.cut().cut
     assert list(np.flatnonzero(~world.attached())) == [berry]
+    pushed = world.model.body("grasp_left").id
+    sideways = world.data.xmat[pushed].reshape(3, 3)[:, 1]
+    world.data.xfrc_applied[pushed, :3] = -5.0 * sideways  # as a leaf between the fingers does
+    for _ in range(100):
+        world.step()
+    world.data.xfrc_applied[pushed] = 0.0
+    assert robot.gripped() == {berry}
     back = np.stack((robot.joints(), HOME))
     assert robot.follow(retime(back, ARM.limits, speed=0.6)).reached
     assert robot.gripped() == {berry}

@@ -42,7 +42,9 @@ _GENTLE = 0.0006  # metres that each pad's target leads it by while it closes: l
 _GENTLE_TIME = 2.0
 _STANDS_STILL = 0.4  # of the speed that it had: something is in its way
 _FIRM_TIME = 0.2
-_HOLDING_FORCE = 8.0  # newtons of each pad on the stem of what came off: a leaf in its way must not push them open
+_HOLDING_FORCE = (
+    8.0  # newtons of each pad on the stem of what came off: a leaf in its way must not push them open
+)
 _WEIGH_NOISE = 0.1  # grams, one standard deviation of the weigh cell
 _SETTLE_TIME = 0.4
 
