@@ -189,10 +189,11 @@ class Motions:
         return self._through(path, self._config.careful_speed)
 
     def back_off(self) -> MotionResult:
-        """Let go of whatever is held and leave the plant, fingers wide open: no fruit may stick between them."""
+        """Let go of whatever is held and leave the plant, all fingers open: no fruit may stick between two of them."""
         self._robot.release()
+        moved = self.retreat()
         self._robot.separate(0.0)
-        return self.retreat()
+        return moved
 
     def carry(self, punnet: int, count: int) -> MotionResult:
         """Take what hangs in the grip to the place of berry number ``count`` in a punnet, and lower it.

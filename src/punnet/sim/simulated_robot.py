@@ -36,7 +36,8 @@ _TRACKING_LIMIT = 0.12  # rad between where the arm is and should be: it is held
 _FINGER_TIME = 0.45
 _BLADE_TIME = 0.25
 _HOLDING_GAP = 0.0008  # pads closer than this hold nothing
-_THICKEST_STEMS = 0.0035  # pads that have closed gently and are farther apart than this hold a fruit
+_THICKEST_STEMS = 0.0035  # pads that have closed gently so far may close with force
+_THINNEST_FRUIT = 0.0075  # and those that stand still farther apart than this hold a fruit, else a leaf beside the stem
 _THICKEST_STEM = 0.0024  # and firmly: something besides one stem
 _GENTLE = 0.0006  # metres that each pad's target leads it by while it closes: less than a newton
 _GENTLE_TIME = 2.0
@@ -180,7 +181,7 @@ class SimulatedRobot:
         self._limit_force(CLOSING_FORCE)
         self._close_gently()
         gap = self._pad_gap()
-        if gap > _THICKEST_STEMS:
+        if gap > _THINNEST_FRUIT:
             self.release(opening)
             return GripResult(False, gap, TOO_THICK)
         self._move_fingers({"grasp_left": -0.004, "grasp_right": -0.004}, _FIRM_TIME)
