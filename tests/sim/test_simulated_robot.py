@@ -113,6 +113,28 @@ def test_a_fruit_between_the_pads_is_let_go_of_unharmed(robot):
     assert robot.world.contacts.peak_on_berry[berry] < max(before, 3.0)
 
 
+def held_apart(robot, newtons):
+    """From now on something pushes each pad outwards with so much where they are less than 5 mm apart."""
+
+    def push(world):
+        for name, side in (("grasp_left", -1.0), ("grasp_right", 1.0)):
+            finger = world.model.body(name).id
+            outwards = side * world.data.xmat[finger].reshape(3, 3)[:, 1]
+            world.data.xfrc_applied[finger, :3] = newtons * outwards * (robot._pad_gap() < 0.005)
+
+    robot.observers.append(push)
+
+
+@pytest.mark.parametrize(("newtons", "reason"), [(1.5, None), (6.0, NOT_ALONE)])
+def test_a_leaf_beside_the_stem_is_pressed_aside_if_it_gives_way(robot, newtons, reason):
+    berry = in_front(robot)
+    assert reach(robot, true_picking_points(robot.world)[berry]).reached
+    held_apart(robot, newtons)
+    grip = robot.grip()
+    assert (grip.holding, grip.reason) == (reason is None, reason)
+    assert (berry in robot.gripped()) == grip.holding
+
+
 def test_what_is_thicker_than_a_stem_is_let_go_of(robot):
     world, berry = robot.world, in_front(robot)
     for name in world.planted[berry].stub:  # as thick as a stem with a leaf beside it
