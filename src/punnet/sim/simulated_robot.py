@@ -37,7 +37,9 @@ _FINGER_TIME = 0.45
 _BLADE_TIME = 0.25
 _HOLDING_GAP = 0.0008  # pads closer than this hold nothing
 _THICKEST_STEMS = 0.0035  # pads that have closed gently so far may close with force
-_THINNEST_FRUIT = 0.0075  # and those that stand still farther apart than this hold a fruit, else a leaf beside the stem
+_THINNEST_FRUIT = (
+    0.0075  # and those that stand still farther apart than this hold a fruit, else a leaf beside the stem
+)
 _THICKEST_STEM = 0.0024  # and firmly: something besides one stem
 _GENTLE = 0.0006  # metres that each pad's target leads it by while it closes: less than a newton
 _GENTLE_TIME = 2.0
