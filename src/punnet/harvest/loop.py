@@ -87,7 +87,7 @@ class Harvester:
         self._steps: dict[Phase, Step] = {step.phase: step(self._parts) for step in STEPS}
         self.journal: Journal | None = None
         """Told of each attempt; set before :meth:`run`."""
-        self._first_phase: Phase | None = Phase.LOOK
+        self._first_phase = Phase.LOOK
         self.is_home = False
         """Whether the arm is known to be home, the tool open and empty; :meth:`run` goes there first if not."""
         self._before = (0.0, 0.0)
@@ -115,7 +115,7 @@ class Harvester:
         try:
             if not self.is_home:
                 self._parts.motions.require_home()
-            phase = self._first_phase
+            phase: Phase | None = self._first_phase
             while phase is not None:
                 phase = self._do(phase)
         except KeyboardInterrupt:

@@ -37,17 +37,13 @@ _FINGER_TIME = 0.45
 _BLADE_TIME = 0.25
 _HOLDING_GAP = 0.0008  # pads closer than this hold nothing
 _THICKEST_STEMS = 0.0035  # pads that have closed gently so far may close with force
-_THINNEST_FRUIT = (
-    0.0075  # and those that stand still farther apart than this hold a fruit, else a leaf beside the stem
-)
+_THINNEST_FRUIT = 0.0075  # those that stand still farther apart hold a fruit; nearer, a leaf or a stem
 _THICKEST_STEM = 0.0024  # and firmly: something besides one stem
 _GENTLE = 0.0006  # metres that each pad's target leads it by while it closes: less than a newton
 _GENTLE_TIME = 2.0
 _STANDS_STILL = 0.4  # of the speed that it had: something is in its way
 _FIRM_TIME = 0.2
-_HOLDING_FORCE = (
-    8.0  # newtons of each pad on the stem of what came off: a leaf in its way must not push them open
-)
+_HOLDING_FORCE = 8.0  # newtons of each pad on the stem of what came off: no leaf may push them open
 _WEIGH_NOISE = 0.1  # grams, one standard deviation of the weigh cell
 _SETTLE_TIME = 0.4
 
