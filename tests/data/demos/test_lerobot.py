@@ -200,6 +200,15 @@ def test_datasets_that_are_not_read(tmp_path: Path, changes: dict[str, Any], wor
         read_demos(image_dataset(tmp_path, **changes))
 
 
+@pytest.mark.parametrize("feature", [None, 3, [], {}])
+def test_a_feature_that_tells_nothing_leaves_its_numbers_without_names(tmp_path: Path, feature: Any) -> None:
+    folder = image_dataset(tmp_path)
+    info = json.loads((folder / "meta" / "info.json").read_text())
+    info["features"]["observation.state"] = feature
+    (folder / "meta" / "info.json").write_text(json.dumps(info))
+    assert len(read_demos(folder).episodes) == 2
+
+
 def test_damaged_datasets(tmp_path: Path) -> None:
     outside = read_readable_demos(image_dataset(tmp_path / "a", data_path="../{chunk_index}.parquet"))
     assert "leaves the dataset" in outside.left_out[0].message

@@ -56,9 +56,9 @@ def require_pyarrow(*names: str) -> list[ModuleType]:
         raise ConfigurationError("LeRobot data need pyarrow: pip install 'punnet[lerobot]'") from error
 
 
-def feature_names(feature: dict[str, Any], count: int) -> tuple[str, ...]:
+def feature_names(feature: Any, count: int) -> tuple[str, ...]:
     """Names of a feature's numbers, whatever form they are given in; empty if they are not told."""
-    names = feature.get("names")
+    names = feature.get("names") if isinstance(feature, dict) else None
     if isinstance(names, dict):
         names = next((value for value in names.values() if isinstance(value, list)), None)
     if isinstance(names, list) and len(names) == count == len({str(name) for name in names}):
