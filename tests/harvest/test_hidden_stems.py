@@ -3,29 +3,16 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from punnet.errors import KinematicsError
 from punnet.harvest.attempts import Outcome
 from punnet.harvest.memory import Memory
-from punnet.harvest.scenario import Scenario, Session
 from punnet.harvest.seeing import middle_of_plant
 from punnet.harvest.situation import Situation, stem_is_hidden
 from punnet.scene import KEYPOINTS, Strawberries, Visibility
-from punnet.sim.world import WorldConfig
 from tests.harvest.kinematic import KinematicRobot, a_harvester
 
 STEM = KEYPOINTS.index("picking_point")
-
-
-@pytest.fixture(scope="module")
-def two_berries():
-    """One look at a simulated plant, and two ripe berries in it, the one that hangs in front first."""
-    with Session(Scenario(6, "oracle", WorldConfig(arm_visuals=False))) as session:
-        frame = session.robot.look()
-        berries = session.harvester._parts.eyes._detector.detect(frame)
-        rows = np.flatnonzero(berries.pluckable)
-        return frame, berries[rows[np.argsort(berries.picking_points[rows, 0])[[0, -1]]]]
 
 
 def seen_as(berries, visibilities):
