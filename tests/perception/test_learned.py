@@ -11,7 +11,8 @@ import pytest
 
 from punnet.bundle import load_bundle
 from punnet.errors import BundleError, ConfigurationError
-from punnet.perception import Detector, LearnedDetector
+from punnet.perception import Detector, LearnedDetector, load_detector
+from punnet.perception.detector import RegionDetector
 from punnet.perception.learned import DETECTOR_FILE, MODEL_FILE, DetectorSettings, prepare
 from punnet.scene import Frame
 from tests.perception.toy_detector import PLACES, SETTINGS, VISIBILITY, write_toy_bundle
@@ -63,6 +64,51 @@ def test_berries_come_in_the_frames_own_pixels(detector: LearnedDetector, size: 
     assert berries.ripeness[0] == pytest.approx(0.95)
     # The picking point lies above the fruit, and in the box all the same.
     assert berries.boxes[0, 1] == pytest.approx(berries.keypoints[0, 0, 1])
+
+
+@pytest.mark.parametrize("size", [(480, 640), (1008, 756)])
+def test_in_a_region_it_finds_what_the_whole_frame_shows_there(
+    detector: LearnedDetector, size: tuple[int, int]
+) -> None:
+    assert isinstance(detector, RegionDetector)
+    frame = Frame(photograph(*size))
+    whole, (u, v), reach = detector.detect(frame), (0.4 * size[1], 0.5 * size[0]), 0.2 * size[0]
+    there = detector.detect_in(frame, np.array([u - reach, v - reach, u + reach, v + reach]))
+    assert (len(there), there.image_size) == (1, size)
+    np.testing.assert_allclose(there.boxes, whole.boxes, atol=2)
+    np.testing.assert_allclose(there.keypoints, whole.keypoints, atol=2)
+    assert there.masks is not None
+    assert whole.masks is not None
+    assert (there.masks & whole.masks).sum() > 0.97 * (there.masks | whole.masks).sum()
+    elsewhere = detector.detect_in(frame, np.array([u + reach, 0, size[1] + 99, size[0] + 99]))
+    assert (len(elsewhere), elsewhere.image_size) == (0, size)
+
+
+def test_a_region_beside_the_image_holds_no_berry(detector: LearnedDetector) -> None:
+    frame = Frame(photograph())
+    for region in ((640, 0, 700, 480), (-50, 100, -10, 200), (0, 480, 640, 480)):
+        berries = detector.detect_in(frame, np.array(region, dtype=float))
+        assert (len(berries), berries.image_size) == (0, (480, 640))
+
+
+def test_the_shipped_network_sees_in_a_region_what_it_sees_in_the_whole_frame() -> None:
+    from punnet.harvest.scenario import Scenario, Session
+    from punnet.sim.world import WorldConfig
+
+    with Session(Scenario(6, "oracle", WorldConfig(arm_visuals=False))) as session:
+        frame = session.robot.look()
+    sees = load_detector("sim-fast")
+    whole = sees.detect(frame)
+    margin = np.array([-64, -64, 64, 64])
+    region = np.concatenate((whole.boxes[:, :2].min(axis=0), whole.boxes[:, 2:].max(axis=0))) + margin
+    there = sees.detect_in(frame, region)
+    assert len(there) == len(whole) > 1
+    apart = np.linalg.norm(there.box_centres[None] - whole.box_centres[:, None], axis=2)
+    there = there[apart.argmin(axis=1)]  # scores that are nearly the same may change places
+    assert there.classes.tolist() == whole.classes.tolist()
+    np.testing.assert_allclose(there.scores, whole.scores, atol=0.02)
+    seen = np.isfinite(whole.keypoints) & np.isfinite(there.keypoints)
+    assert np.abs(there.keypoints - whole.keypoints)[seen].max() < 1.5
 
 
 def test_no_berry_is_an_empty_container(detector: LearnedDetector) -> None:

@@ -52,6 +52,21 @@ def test_what_is_unknown_stays_unknown():
     assert_same(loaded, berries)
 
 
+def test_berries_of_a_part_are_placed_in_the_whole_image(rng):
+    part = some_berries(rng)
+    whole = part.placed((50, 70), (30, 15))
+    assert whole.image_size == (50, 70)
+    assert (whole.masks[:, 15:35, 30:60] == part.masks).all()
+    assert whole.masks.sum() == part.masks.sum()
+    np.testing.assert_array_equal(whole.boxes, part.boxes + np.array([30, 15, 30, 15]))
+    np.testing.assert_array_equal(whole.keypoints, part.keypoints + np.array([30, 15]))
+    assert_same(whole.placed((50, 70), (0, 0)), whole)
+    assert len(Strawberries.empty((4, 5)).placed((8, 9), (1, 2))) == 0
+    for corner in ((41, 15), (30, 31), (-1, 0), (0, -1)):
+        with pytest.raises(ShapeError, match="no part"):
+            part.placed((50, 70), corner)
+
+
 def test_none_at_all():
     empty = Strawberries.empty((20, 30))
     assert len(empty) == 0

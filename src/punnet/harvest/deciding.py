@@ -43,7 +43,6 @@ class Order:
         most = self._parts.config.most_attempts
         if most is not None and len(situation.run.attempts) >= most:
             return None
-        from_home = situation.second_view_of is None and situation.side_view == 0
         if situation.second_view_of is None:
             waiting = [row for row in rows if situation.memory.waits(berries.picking_points[row])]
             rows = [row for row in rows if row not in waiting]
@@ -51,10 +50,10 @@ class Order:
             if situation.only_refused:
                 return Phase.LOOK
             hidden = [row for row in rows if stem_is_hidden(berries, row)]
-            situation.hidden += [Sighting(frame, berries, row, from_home) for row in hidden]
+            situation.hidden += [Sighting(frame, berries, row, situation.from_home) for row in hidden]
             rows = [row for row in rows if row not in hidden]
         if rows:
-            self._begin(situation, [Sighting(frame, berries, row, from_home) for row in rows])
+            self._begin(situation, [Sighting(frame, berries, row, situation.from_home) for row in rows])
             return Phase.PLAN
         situation.side_view += 1
         if situation.side_view <= self._parts.config.side_views:

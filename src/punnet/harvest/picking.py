@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from punnet.harvest.attempts import Attempt, Outcome, Phase
+from punnet.harvest.eyes import region_around
 from punnet.harvest.failures import Failure, StepFailed
 from punnet.harvest.situation import Parts, Situation, stem_is_hidden, weighed
 from punnet.robot import NOTHING_HELD, TOO_THICK, GripResult, MotionResult
@@ -65,7 +66,8 @@ class Reach:
         was mostly located badly: at the first try it is left, and seen from elsewhere later.
         """
         try:
-            berries = self._parts.eyes.perceive(self._parts.eyes.look())
+            frame = self._parts.eyes.look()
+            berries = self._parts.eyes.perceive(frame, region_around(frame, attempt.picking_point))
         except StepFailed as failure:
             self._parts.tell(f"goes on without a look on the way: {failure.reason}", attempt)
             return np.zeros(3)

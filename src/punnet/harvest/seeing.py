@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from punnet.errors import KinematicsError
 from punnet.harvest.attempts import Phase
+from punnet.harvest.eyes import region_of
 from punnet.harvest.failures import Failure, StepFailed
 from punnet.harvest.memory import Place
 from punnet.harvest.situation import Parts, Situation
@@ -93,9 +94,11 @@ class Perceive:
         self._parts = parts
 
     def do(self, situation: Situation) -> Phase | None:
-        """Detect and locate."""
+        """Detect and locate; from home, after the first pick, only where berries hung before it."""
         assert situation.frame is not None
-        situation.berries = self._parts.eyes.perceive(situation.frame)
+        before = next((attempt for attempt in situation.run.attempts if not attempt.second_view), None)
+        region = region_of(before.berries) if situation.from_home and before is not None else None
+        situation.berries = self._parts.eyes.perceive(situation.frame, region)
         return Phase.WEIGH
 
 
@@ -123,7 +126,7 @@ class Weigh:
         run = situation.run
         if run.first_frame is None:
             run.first_frame, run.first_berries = frame, berries
-        if situation.second_view_of is None and situation.side_view == 0:
+        if situation.from_home:
             run.last_berries = berries
         situation.in_vain = 0
         self._parts.tell(f"sees {len(berries)} berries, {int(berries.pluckable.sum())} pluckable", None)

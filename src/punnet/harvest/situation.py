@@ -80,6 +80,11 @@ class Situation:
         return self.frame, self.berries
 
     @property
+    def from_home(self) -> bool:
+        """Whether the last look was from home."""
+        return self.second_view_of is None and self.side_view == 0
+
+    @property
     def in_hand(self) -> Attempt:
         """The attempt in hand."""
         assert self.attempt is not None

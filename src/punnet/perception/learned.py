@@ -185,12 +185,31 @@ class LearnedDetector:
 
     def detect(self, frame: Frame) -> Strawberries:
         """Berries of ``frame``, best first, in its own pixels; depth is not looked at."""
-        image, size = prepare(frame.rgb, self.settings.longest_side, self.settings.stride)
+        return self._detect(frame.rgb, self.settings.longest_side)
+
+    def detect_in(self, frame: Frame, region: NDArray[np.float64]) -> Strawberries:
+        """Berries of a part of ``frame``, in its own pixels: the same network at the same scale, on fewer pixels.
+
+        ``region`` (4,) xyxy pixels is taken a little larger, to multiples of the stride, so that the network's cells are
+        those of the whole image.
+        """
+        size = frame.height, frame.width
+        scale = min(1.0, self.settings.longest_side / max(size))
+        stride = self.settings.stride / scale
+        wider = stride * np.concatenate((np.floor(region[:2] / stride), np.ceil(region[2:] / stride)))
+        left, top, right, bottom = np.clip(wider, 0, (*size[::-1], *size[::-1])).astype(int).tolist()
+        if right <= left or bottom <= top:
+            return Strawberries.empty(size)
+        longest_side = max(1, round(scale * max(right - left, bottom - top)))
+        return self._detect(frame.rgb[top:bottom, left:right], longest_side).placed(size, (left, top))
+
+    def _detect(self, rgb: NDArray[np.uint8], longest_side: int) -> Strawberries:
+        image, size = prepare(rgb, longest_side, self.settings.stride)
         least = min(self.score_threshold, self.unsure_score)
         return decode_detections(
             self._network.run(image, least),
             size,
-            (frame.height, frame.width),
+            (rgb.shape[0], rgb.shape[1]),
             self.settings.mask_threshold,
             self.settings.keypoint_sigmas,
             least_score=least,

@@ -196,6 +196,31 @@ class Strawberries:
         """A copy with some fields replaced, validated again."""
         return replace(self, **changes)
 
+    def placed(self, image_size: tuple[int, int], corner: tuple[int, int]) -> Strawberries:
+        """The same berries in the pixels of an image of (H, W), of which theirs is the part that begins at ``corner`` (u, v).
+
+        Raises
+        ------
+        ShapeError
+            If their image is no part of that one.
+        """
+        (height, width), (left, top) = self.image_size, corner
+        bottom, right = top + height, left + width
+        if min(left, top) < 0 or bottom > image_size[0] or right > image_size[1]:
+            raise ShapeError(
+                f"strawberries: an image of {height}×{width} from {corner} is no part of one of {image_size}"
+            )
+        masks = None
+        if self.masks is not None:
+            masks = np.zeros((len(self), *image_size), dtype=np.bool_)
+            masks[:, top:bottom, left:right] = self.masks
+        return self.with_fields(
+            image_size=image_size,
+            boxes=self.boxes + np.tile(corner, 2),
+            masks=masks,
+            keypoints=None if self.keypoints is None else self.keypoints + np.array(corner),
+        )
+
     def to_json(self) -> dict[str, Any]:
         """Plain JSON: masks as COCO run lengths, absent numbers as null."""
         berries = []
