@@ -14,8 +14,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 from ruckig import InputParameter, Ruckig
 from ruckig import Trajectory as RuckigTrajectory
@@ -202,13 +204,19 @@ def _rounded(
     dense = np.union1d(x, np.linspace(0.0, length, 257))
     wanted = _on_polyline(dense, x, points)
     for count in CONTROL_POINTS:
-        inner = np.linspace(0.0, length, count - DEGREE + 1)
-        knots = np.concatenate((np.zeros(DEGREE), inner, np.full(DEGREE, length)))
-        greville = np.array([knots[i + 1 : i + 1 + DEGREE].mean() for i in range(count)])
-        spline = BSpline(knots, _on_polyline(greville, x, points), DEGREE)
+        knots, greville = _knots(count)
+        spline = BSpline(length * knots, _on_polyline(length * greville, x, points), DEGREE)
         if np.abs(spline(dense) - wanted).max() <= tolerance:
             break
     return spline
+
+
+@cache
+def _knots(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Knots (count + 6,) from 0 to 1 of a quintic spline, and its Greville abscissae (count,): means of five knots each."""
+    inner = np.linspace(0.0, 1.0, count - DEGREE + 1)
+    knots = np.concatenate((np.zeros(DEGREE), inner, np.ones(DEGREE)))
+    return knots, sliding_window_view(knots[1:-1], DEGREE).mean(axis=1)
 
 
 def _on_polyline(
@@ -260,8 +268,10 @@ def _timed(
     """Sample the spline along the profile, in the fewest time steps that hold the limits; None if not below ``before``."""
     least = max(MINIMUM_STEPS, int(np.ceil(at_least / time_step - 1e-9)))
     count = max(least, int(np.ceil(profile.duration / time_step)))
-    excess = _excess(_sampled(spline, profile, count, time_step, limits), limits)
-    count = max(least, int(np.ceil(count * excess)))
+    trajectory = _sampled(spline, profile, count, time_step, limits)
+    if before is not None and count * _least_excess(trajectory, limits, time_step) >= before:
+        return None
+    count = max(least, int(np.ceil(count * _excess(trajectory, limits))))
     while before is None or count < before:
         trajectory = _sampled(spline, profile, count, time_step, limits)
         excess = _excess(trajectory, limits)
@@ -306,6 +316,17 @@ def _states(
 
 def _excess(trajectory: JointTrajectory, limits: JointLimits) -> float:
     """Factor by which the time must be stretched for the limits to hold; ≤ 1 if they do."""
-    allowed = np.stack((limits.velocity, limits.acceleration, limits.jerk))
-    worst = (trajectory.peak_rates() / allowed).max(axis=1)
+    return _stretch(trajectory.peak_rates(), limits)
+
+
+def _least_excess(trajectory: JointTrajectory, limits: JointLimits, time_step: float) -> float:
+    """What :func:`_excess` is at least, in a fraction of its time: jerk is somewhere as large as its mean over a step."""
+    jerks = np.diff(trajectory.accelerations, axis=0) / time_step
+    rates = (trajectory.velocities, trajectory.accelerations, jerks)
+    return _stretch(np.stack([np.abs(rate).max(axis=0) for rate in rates]), limits)
+
+
+def _stretch(rates: NDArray[np.float64], limits: JointLimits) -> float:
+    """Factor by which the time must be stretched for velocity, acceleration and jerk (3, J) to be within the limits."""
+    worst = (rates / np.stack((limits.velocity, limits.acceleration, limits.jerk))).max(axis=1)
     return float((worst ** (1.0 / np.arange(1, 4))).max())

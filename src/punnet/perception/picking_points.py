@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from punnet.geometry import back_project, transform_points
 from punnet.scene import KEYPOINTS, Frame, Strawberries
+from punnet.scene.windows import mask_window
 
 __all__ = ["PICKING_HEIGHT", "berry_axis_depth", "locate_picking_points"]
 
@@ -54,8 +55,10 @@ def locate_picking_points(frame: Frame, berries: Strawberries) -> Strawberries:
             mask = berries.masks[index]
             depth = berry_axis_depth(frame, mask, berries.keypoints[index])
             if np.isfinite(depth):
-                v, u = np.nonzero(mask)
-                middle = back_project(frame.camera, (u.mean(), v.mean()), np.asarray(depth))
+                window = mask_window(mask, 0)
+                v, u = np.nonzero(mask[window])
+                centre = u.mean() + window[1].start, v.mean() + window[0].start
+                middle = back_project(frame.camera, centre, np.asarray(depth))
                 sights = back_project(frame.camera, berries.keypoints[index], np.full(len(KEYPOINTS), depth))
                 points[index] = _picking_point(frame.T_base_camera, sights, middle)
     return berries.with_fields(picking_points=points)
@@ -100,8 +103,12 @@ def berry_axis_depth(
     """
     if frame.depth is None or frame.camera is None:
         return float("nan")
+    window = mask_window(mask, 2)
+    mask, readings = mask[window], frame.depth[window]
+    if not mask.size:
+        return float("nan")
     core = cv2.erode(mask.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(np.bool_)
-    readings = frame.depth[core & (frame.depth > 0)]
+    readings = readings[core & (readings > 0)]
     if len(readings) < _LEAST_READINGS:
         return float("nan")
     surface = float(np.median(readings))

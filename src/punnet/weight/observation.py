@@ -10,12 +10,12 @@ import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from punnet.geometry import CameraIntrinsics
 from punnet.scene import KEYPOINTS, Frame, Strawberries, Visibility
+from punnet.scene.windows import mask_window
 from punnet.weight.cloud import (
     LAYER_GAP,
     LEAST_POINTS,
@@ -190,7 +190,7 @@ def observe(frame: Frame, berries: Strawberries) -> list[BerryObservation | str]
 
 def _observe_one(frame: Frame, berries: Strawberries, index: int) -> BerryObservation:
     camera, depth, mask = _inputs(frame, berries, index)
-    window = _box(mask, margin=_SURROUNDINGS)
+    window = mask_window(mask, _SURROUNDINGS)
     depth, mask = np.where(np.isfinite(depth[window]), depth[window], np.float32(0.0)), mask[window]
     _check_readings(depth, mask)
     surroundings = _cropped(camera, window)
@@ -206,7 +206,7 @@ def _observe_one(frame: Frame, berries: Strawberries, index: int) -> BerryObserv
     before = median(points[:, 2]) - _DEPTH_NOISE
     near = near_something_nearer(depth, own, before)
     contour, covered = trace_contour(own, near)
-    inner = _box(own, margin=0)
+    inner = mask_window(own, 0)
     outer = (_shifted(inner[0], window[0].start), _shifted(inner[1], window[1].start))
     keypoints, visibility = _keypoints(berries, index)
     observation = BerryObservation(
@@ -282,14 +282,6 @@ def _keypoints(berries: Strawberries, index: int) -> tuple[NDArray[np.float64], 
     absent = (codes == Visibility.ABSENT) | ~np.isfinite(points).all(axis=1)
     points[absent], codes[absent] = np.nan, int(Visibility.ABSENT)
     return points, codes
-
-
-def _box(mask: NDArray[np.bool_], *, margin: int) -> tuple[slice, slice]:
-    left, top, width, height = cv2.boundingRect(np.ascontiguousarray(mask).view(np.uint8))
-    return (
-        slice(max(0, top - margin), min(mask.shape[0], top + height + margin)),
-        slice(max(0, left - margin), min(mask.shape[1], left + width + margin)),
-    )
 
 
 def _shifted(window: slice, by: int) -> slice:
