@@ -48,14 +48,24 @@ def test_a_detached_berry_falls(world):
     assert list(np.flatnonzero(~world.attached())) == [1]
 
 
-def test_a_step_that_runs_away_is_made_again_by_other_means(world, monkeypatch):
+def runs_away(model, data):
+    data.qvel[-1] = 1e6
+
+
+def finds_no_end(model, data):
+    data.solver_niter[max(0, data.nisland - 1)] = model.opt.iterations
+    data.qpos[-1] += 0.5
+
+
+@pytest.mark.parametrize("fails", [runs_away, finds_no_end])
+def test_a_step_that_fails_is_made_again_by_other_means(world, monkeypatch, fails):
     step, solvers = mujoco.mj_step, []
 
     def thrown_off(model, data):
         step(model, data)
         solvers.append(model.opt.solver)
         if model.opt.solver == mujoco.mjtSolver.mjSOL_NEWTON:
-            data.qvel[-1] = 1e6
+            fails(model, data)
 
     for _ in range(10):
         world.step()
