@@ -321,6 +321,8 @@ def _excess(trajectory: JointTrajectory, limits: JointLimits) -> float:
 
 def _least_excess(trajectory: JointTrajectory, limits: JointLimits, time_step: float) -> float:
     """What :func:`_excess` is at least, in a fraction of its time: jerk is somewhere as large as its mean over a step."""
+    assert trajectory.velocities is not None  # as _sampled makes it
+    assert trajectory.accelerations is not None
     jerks = np.diff(trajectory.accelerations, axis=0) / time_step
     rates = (trajectory.velocities, trajectory.accelerations, jerks)
     return _stretch(np.stack([np.abs(rate).max(axis=0) for rate in rates]), limits)
