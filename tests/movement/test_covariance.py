@@ -51,6 +51,7 @@ def changed(what: str, before: TrajectoryDistribution, rng: np.random.Generator)
     st.lists(st.sampled_from(OPERATIONS), min_size=1, max_size=6),
 )
 @example(4, 5, GaussianBasis.recorded(), ["exact", "noisy", "exact", "noisy", "noisy", "exact"])
+@example(879, 1, GaussianBasis(), ["exact", "combine", "combine", "combine", "exact"])
 @example(4, 5, GaussianBasis.recorded(), ["exact", "exact", "exact", "blend", "noisy", "exact"])
 def test_semi_definite_at_its_own_scale_after_any_chain_of_operations(seed, dimensions, basis, chain) -> None:
     rng = np.random.default_rng(seed)

@@ -20,8 +20,7 @@ Array = NDArray[np.float64]
 RELATIVE_RANK = 1e-12
 GOOD_PIVOT = 1e-4  # of the scaled innovation; below it the form is taken that rounding can't hurt
 UNMET_TOLERANCE = 1e-6
-MUCH_LESS = 0.1  # of the largest variance: from there on rounding of the prior is looked for in what is left
-ROUNDING_LEFT = 1e-11
+ROUNDING_LEFT = 1e-11  # of the largest entry; more of the prior's rounding in what is left, and the other form is taken
 SAFE_VARIANCE = 1e-6  # of what a row could have; below it rounding of the prior grows in what is left
 
 
@@ -127,8 +126,7 @@ def _condition_quickly(
     root = inverse @ cross
     # rootᵀ root of one and the same array is symmetric to the last bit.
     left = covariance - root.T @ root
-    shrunk = np.maximum.reduce(left.diagonal()) < MUCH_LESS * np.maximum.reduce(covariance.diagonal())
-    if shrunk and not is_semi_definite(left, ROUNDING_LEFT):
+    if not is_semi_definite(left, ROUNDING_LEFT):
         return None
     return mean + (inverse @ residual) @ root, left
 
