@@ -20,7 +20,11 @@ Array = NDArray[np.float64]
 RELATIVE_RANK = 1e-12
 GOOD_PIVOT = 1e-4  # of the scaled innovation; below it the form is taken that rounding can't hurt
 UNMET_TOLERANCE = 1e-6
-ROUNDING_LEFT = 1e-11  # of the largest entry; more of the prior's rounding in what is left, and the other form is taken
+MUCH_LESS = 0.1  # of the largest variance: from there on rounding of the prior is looked for in what is left
+SURE_VARIANCE = 0.05  # of what a row could have, in the mean of all rows: from there on, too
+ROUNDING_LEFT = (
+    1e-11  # of the largest entry; more of the prior's rounding in what is left, and the other form is taken
+)
 SAFE_VARIANCE = 1e-6  # of what a row could have; below it rounding of the prior grows in what is left
 
 
@@ -118,15 +122,19 @@ def _condition_quickly(
         return None
     # The factor's diagonal over the variances is that of the factor of rows scaled to unit variance.
     pivot = np.minimum.reduce(factor.diagonal() ** 2 / variances)
-    little = SAFE_VARIANCE * squares * np.maximum.reduce(covariance.diagonal())
-    if pivot <= GOOD_PIVOT or np.minimum.reduce(variances) <= little:
+    largest = np.maximum.reduce(covariance.diagonal())
+    least, most = np.minimum.reduce(variances), squares * largest
+    if pivot <= GOOD_PIVOT or least <= SAFE_VARIANCE * most:
         return None
     # With pivots like these the inverse is as good as solving, and quicker for so few rows.
     inverse, _ = dtrtri(factor, lower=1, overwrite_c=1)
     root = inverse @ cross
     # rootᵀ root of one and the same array is symmetric to the last bit.
     left = covariance - root.T @ root
-    if not is_semi_definite(left, ROUNDING_LEFT):
+    doubtful = (
+        least * len(cross) < SURE_VARIANCE * most or np.maximum.reduce(left.diagonal()) < MUCH_LESS * largest
+    )
+    if doubtful and not is_semi_definite(left, ROUNDING_LEFT):
         return None
     return mean + (inverse @ residual) @ root, left
 
