@@ -22,9 +22,7 @@ GOOD_PIVOT = 1e-4  # of the scaled innovation; below it the form is taken that r
 UNMET_TOLERANCE = 1e-6
 MUCH_LESS = 0.1  # of the largest variance: from there on rounding of the prior is looked for in what is left
 SURE_VARIANCE = 0.05  # of what a row could have, in the mean of all rows: from there on, too
-ROUNDING_LEFT = (
-    1e-11  # of the largest entry; more of the prior's rounding in what is left, and the other form is taken
-)
+ROUNDING_LEFT = 1e-11  # of the largest entry; with more in what is left the other form is taken
 SAFE_VARIANCE = 1e-6  # of what a row could have; below it rounding of the prior grows in what is left
 
 

@@ -1,4 +1,4 @@
-"""The part of an image that matters to one berry: what is computed there costs a hundredth of the whole."""
+"""The part of an image that matters to one berry."""
 
 from __future__ import annotations
 
