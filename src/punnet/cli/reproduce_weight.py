@@ -59,6 +59,7 @@ def fig_4_12(
             "--masks", help="Measure on the masks of this detector too; may be given more than once."
         ),
     ] = None,
+    workers: Annotated[int, typer.Option("--workers", "-j", min=1, help="Models trained at a time.")] = 1,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
@@ -103,6 +104,7 @@ def fig_4_12(
         bundles={f"{name}, as shipped": load_weight_estimator(name) for name in shipped},
         extra=collect(extra) if extra else None,
         extra_data=[Path(source).name for source in extra or []],
+        workers=workers,
         progress=whisper,
         clock=monotonic,
     )

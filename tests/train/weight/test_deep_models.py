@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+import timm
 import torch
 
 from punnet.errors import ConfigurationError, FileFormatError
+from punnet.train.imagenet import fill_from_lite0
 from punnet.train.weight.dgcnn import DGCNNConfig, DynamicGraphNetwork
 from punnet.train.weight.efficientnet import EfficientNetConfig, TwoStreams
 from punnet.train.weight.fixed_graph import neighbour_edges
@@ -158,7 +160,24 @@ def test_the_streams_see_colour_and_depth() -> None:
 def test_b7_is_the_larger_variant() -> None:
     spec = model_spec("efficientnet_b7")
     assert spec.config().variant == "b7"
-    assert not spec.config().pretrained
+    assert spec.config().start == "random"
+    with pytest.raises(ConfigurationError, match="lite0 fits variant b0, not b7"):
+        spec.config(start="lite0")
+
+
+def test_b0_starts_with_the_layers_of_lite0() -> None:
+    started, unlike = TwoStreams(EfficientNetConfig()), TwoStreams(EfficientNetConfig(start="random"))
+    lite0 = timm.create_model("efficientnet_lite0", num_classes=0)
+    fill_from_lite0(lite0)
+    for stream in (started.colour, started.depth):
+        torch.testing.assert_close(stream.blocks[3][1].conv_pw.weight, lite0.blocks[3][1].conv_pw.weight)
+        torch.testing.assert_close(stream.bn2.running_var, lite0.bn2.running_var)
+        gate = stream.blocks[3][1].se.conv_expand.bias
+        assert (torch.sigmoid(gate) > 0.95).all()
+    torch.testing.assert_close(started.colour.conv_stem.weight, lite0.conv_stem.weight)
+    # Two channels of the same value are answered as three would be.
+    torch.testing.assert_close(started.depth.conv_stem.weight.sum(dim=1), lite0.conv_stem.weight.sum(dim=1))
+    assert not torch.equal(unlike.colour.conv_stem.weight, lite0.conv_stem.weight)
 
 
 def test_weights_that_can_not_be_downloaded_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -168,8 +187,8 @@ def test_weights_that_can_not_be_downloaded_are_said(monkeypatch: pytest.MonkeyP
         raise OSError("no route to host")
 
     monkeypatch.setattr("timm.models._builder.load_pretrained", offline)
-    with pytest.raises(ConfigurationError, match=r"no route to host.*leave pretrained off"):
-        TwoStreams(EfficientNetConfig(pixels=32, pretrained=True))
+    with pytest.raises(ConfigurationError, match=r"no route to host.*start otherwise"):
+        TwoStreams(EfficientNetConfig(pixels=32, start="imagenet"))
 
 
 def test_an_edge_leads_from_each_nearest_neighbour() -> None:

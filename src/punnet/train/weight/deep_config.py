@@ -9,9 +9,10 @@ from typing import Literal, get_args
 
 from punnet.errors import ConfigurationError
 
-__all__ = ["DeepConfig", "ImageConfig", "PointConfig", "PointSource"]
+__all__ = ["DeepConfig", "ImageConfig", "PointConfig", "PointSource", "Start"]
 
 PointSource = Literal["cloud", "surface"]
+Start = Literal["random", "lite0", "imagenet"]
 
 
 @dataclass(frozen=True)
@@ -110,20 +111,25 @@ class ImageConfig(DeepConfig):
         Share of the picture by which berries are moved, up to so much.
     roll
         Degrees by which they are turned in the image plane, up to so much.
-    pretrained
-        Start from ImageNet's weights, which timm downloads: needs the internet.
+    start
+        ``random``; ``lite0``: EfficientNet-Lite0's ImageNet weights in the layers that it shares with ``b0``; ``imagenet``:
+        the variant's own, which timm downloads (needs the internet).
     """
 
     pixels: int = 96
     view: float = 0.3
     shift: float = 0.06
     roll: float = 30.0
-    pretrained: bool = False
+    start: Start = "random"
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.pixels < 32:
             raise ConfigurationError(f"deep model: pixels must be at least 32, got {self.pixels}")
+        if self.start not in get_args(Start):
+            raise ConfigurationError(
+                f"deep model: start must be one of {', '.join(get_args(Start))}, got {self.start!r}"
+            )
 
 
 def _require_numbers(config: DeepConfig) -> None:

@@ -98,7 +98,7 @@ class DeepModule(lightning.LightningModule):
 
     def configure_optimizers(self) -> Any:
         """Adam; linear warm-up, then cosine to a hundredth."""
-        optimizer = torch.optim.Adam(self.network.parameters(), lr=self.settings.learning_rate)
+        optimizer = torch.optim.Adam(self.network.parameters(), lr=self.settings.learning_rate, fused=True)
         warm_up = min(self.settings.warm_up, self.steps // 10)
 
         def rate(step: int) -> float:

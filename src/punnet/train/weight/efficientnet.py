@@ -10,12 +10,16 @@ import torch
 from torch import Tensor, nn
 
 from punnet.errors import ConfigurationError
-from punnet.train.weight.deep_config import ImageConfig
+from punnet.train.imagenet import fill_from_lite0
+from punnet.train.weight.deep_config import ImageConfig, Start
 from punnet.train.weight.deep_inputs import PictureInputs
 from punnet.train.weight.deep_layers import WeightNetwork, weight_head
 from punnet.train.weight.deep_training import DeepRecipe, deep_spec
 
 __all__ = ["EFFICIENTNET_B0", "EFFICIENTNET_B7", "EfficientNetB7Config", "EfficientNetConfig", "TwoStreams"]
+
+_OPEN = 3.0
+"""Bias of gates that let 95% through: Lite0's layers never had any."""
 
 Variant = Literal["b0", "b1", "b2", "b3", "b4", "b5", "b6", "b7"]
 
@@ -28,11 +32,14 @@ class EfficientNetConfig(ImageConfig):
     ----------
     variant
         ``b0`` to ``b7``.
+    start
+        Of both streams; ``lite0`` fits ``b0`` alone.
     depth_dropout
         Share of residual blocks that are skipped in training (stochastic depth).
     """
 
     variant: Variant = "b0"
+    start: Start = "lite0"
     depth_dropout: float = 0.1
 
     def __post_init__(self) -> None:
@@ -41,6 +48,10 @@ class EfficientNetConfig(ImageConfig):
             raise ConfigurationError(
                 f"efficientnet: variant must be one of {', '.join(get_args(Variant))}, got {self.variant!r}"
             )
+        if self.start == "lite0" and self.variant != "b0":
+            raise ConfigurationError(
+                f"efficientnet: start lite0 fits variant b0, not {self.variant}; start random or imagenet"
+            )
 
 
 @dataclass(frozen=True)
@@ -48,6 +59,7 @@ class EfficientNetB7Config(EfficientNetConfig):
     """Settings of the two streams, the largest variant."""
 
     variant: Variant = "b7"
+    start: Start = "random"
     depth_dropout: float = 0.2
 
 
@@ -61,12 +73,18 @@ class TwoStreams(WeightNetwork):
         width = int(self.colour.num_features) + int(self.depth.num_features)
         self.dropout = nn.Dropout(config.dropout)
         self.head = weight_head((width,), config.dropout)
+        self.to(memory_format=torch.channels_last)  # a fifth less time on CPUs
 
     def output(self, inputs: Tensor) -> Tensor:
         """(B, 1)."""
-        both = torch.cat((self.colour(inputs[:, :3]), self.depth(inputs[:, 3:])), dim=1)
+        colour, depth = inputs.split((3, 2), dim=1)
+        both = torch.cat((self.colour(_last(colour)), self.depth(_last(depth))), dim=1)
         grams: Tensor = self.head(self.dropout(both))
         return grams
+
+
+def _last(pictures: Tensor) -> Tensor:
+    return pictures.contiguous(memory_format=torch.channels_last)
 
 
 def _stream(config: EfficientNetConfig, channels: int) -> Any:
@@ -75,27 +93,33 @@ def _stream(config: EfficientNetConfig, channels: int) -> Any:
     Raises
     ------
     ConfigurationError
-        If the pre-trained weights can't be had.
+        If the weights that it is to start from can't be had.
     """
     try:
-        return timm.create_model(
+        network = timm.create_model(
             f"tf_efficientnet_{config.variant}",
-            pretrained=config.pretrained,
+            pretrained=config.start == "imagenet",
             in_chans=channels,
             num_classes=0,
             drop_path_rate=config.depth_dropout,
         )
     except Exception as error:
-        if not config.pretrained:
+        if config.start != "imagenet":
             raise
         raise ConfigurationError(
             f"efficientnet: timm could not download ImageNet's weights ({str(error).splitlines()[0]}); "
-            "connect to the internet, or leave pretrained off"
+            f"connect to the internet, or start otherwise"
         ) from error
+    if config.start == "lite0":
+        fill_from_lite0(network)
+        for name, bias in network.named_parameters():
+            if name.endswith("se.conv_expand.bias"):
+                nn.init.constant_(bias, _OPEN)
+    return network
 
 
 def _untrained(config: EfficientNetConfig) -> TwoStreams:
-    return TwoStreams(replace(config, pretrained=False))
+    return TwoStreams(replace(config, start="random"))
 
 
 EFFICIENTNET_B0 = deep_spec(

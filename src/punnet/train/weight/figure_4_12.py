@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import joblib
+
 from punnet.data.thesis_tables import BETWEEN_NUMBERS, NOTHING, MarkdownTable
 from punnet.errors import OutputExistsError, PunnetError
 from punnet.outputs import MARKER_FILE, write_text
@@ -89,6 +91,35 @@ class Figure412:
         }
 
 
+@dataclass(frozen=True)
+class _Lesson:
+    """What all models learn from, and how; fields as in :func:`reproduce_figure_4_12`."""
+
+    samples: WeightSamples
+    data: str
+    folder: Path
+    seed: int
+    quick: tuple[str, ...]
+    extra: WeightSamples | None
+    extra_data: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """Evaluates an estimator on the test berries through each masks."""
+
+    tests: Mapping[str, WeightSamples]
+    data: str
+
+    def __call__(self, name: str, weigher: Any) -> dict[str, WeightEvaluation]:
+        return {
+            masks: evaluate_weights(
+                test, weigh_samples(weigher, test), estimator=name, data=self.data, masks=masks
+            )
+            for masks, test in self.tests.items()
+        }
+
+
 def claim_folder(folder: Path) -> None:
     """Make the figure's folder, or find that it is one.
 
@@ -115,6 +146,7 @@ def reproduce_figure_4_12(
     bundles: Mapping[str, Any] | None = None,
     extra: WeightSamples | None = None,
     extra_data: Sequence[str] = (),
+    workers: int = 1,
     progress: Tell,
     clock: Callable[[], float],
 ) -> Figure412:
@@ -138,49 +170,24 @@ def reproduce_figure_4_12(
         Estimators to show besides, by title.
     extra, extra_data
         Other plants, and names of their sets: learnt from besides by models that learn fast.
+    workers
+        Models trained at a time, with one thread each; one alone has all threads.
     progress
-        Told how it goes.
+        Told how it goes; with several workers it has to be a function of a module.
     clock
         Seconds, for how long training takes.
     """
-    rows, failed = [], {}
     tests = {masks: part_of(seen, "test") for masks, seen in samples.items()}
-
-    def measured(name: str, weigher: Any) -> dict[str, WeightEvaluation]:
-        return {
-            masks: evaluate_weights(
-                test, weigh_samples(weigher, test), estimator=name, data=f"{data}, test", masks=masks
-            )
-            for masks, test in tests.items()
-        }
-
-    for name in models:
-        try:
-            spec = model_spec(name)
-            short = bool(spec.quick) and name in quick
-            config = read_config(spec, spec.quick if short else {})
-            begun = clock()
-            run = train_weight_model(
-                spec,
-                config,
-                samples[TRUTH],
-                data=[data],
-                folder=folder / MODELS_FOLDER / name,
-                seed=seed,
-                progress=progress,
-                extra=extra if spec.learns_fast else None,
-                extra_data=extra_data if spec.learns_fast else (),
-            )
-            seconds = clock() - begun
-            learnt = run.settings["berries"]["train"] + run.settings["berries"]["validation"]
-            title = f"{spec.title}, short training" if short else spec.title
-            rows.append(FigureRow(name, title, measured(name, run.model()), learnt, spec.thesis, seconds))
-        except PunnetError as error:
-            failed[name] = str(error)
-            progress(f"{name} left out: {error}")
+    measured = _Measured(tests, f"{data}, test")
+    lesson = _Lesson(samples[TRUTH], data, folder, seed, tuple(quick), extra, tuple(extra_data))
+    with joblib.parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1):
+        made = joblib.Parallel(batch_size=1)(
+            joblib.delayed(_trained_row)(name, lesson, measured, progress, clock) for name in models
+        )
+    rows = [row for row in made if isinstance(row, FigureRow)]
+    failed = {name: why for name, why in zip(models, made, strict=True) if isinstance(why, str)}
     for title, estimator in (bundles or {}).items():
-        found = measured(estimator.name, estimator)
-        rows.append(FigureRow(estimator.name, title, found, None, {}, math.nan))
+        rows.append(FigureRow(estimator.name, title, measured(estimator.name, estimator), None, {}, math.nan))
     settings = {
         "data": data,
         "extra": list(extra_data),
@@ -189,6 +196,34 @@ def reproduce_figure_4_12(
         "quick": list(quick),
     }
     return Figure412(tuple(rows), failed, settings)
+
+
+def _trained_row(
+    name: str, lesson: _Lesson, measured: _Measured, progress: Tell, clock: Callable[[], float]
+) -> FigureRow | str:
+    """A model's row, trained if it is not yet; or why there is none."""
+    try:
+        spec = model_spec(name)
+        short = bool(spec.quick) and name in lesson.quick
+        begun = clock()
+        run = train_weight_model(
+            spec,
+            read_config(spec, spec.quick if short else {}),
+            lesson.samples,
+            data=[lesson.data],
+            folder=lesson.folder / MODELS_FOLDER / name,
+            seed=lesson.seed,
+            progress=progress,
+            extra=lesson.extra if spec.learns_fast else None,
+            extra_data=lesson.extra_data if spec.learns_fast else (),
+        )
+        seconds = clock() - begun
+    except PunnetError as error:
+        progress(f"{name} left out: {error}")
+        return str(error)
+    learnt = run.settings["berries"]["train"] + run.settings["berries"]["validation"]
+    title = f"{spec.title}, short training" if short else spec.title
+    return FigureRow(name, title, measured(name, run.model()), learnt, spec.thesis, seconds)
 
 
 def table_4_12(figure: Figure412) -> MarkdownTable:
