@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from punnet.errors import FileFormatError, ShapeError
 from punnet.scene.masks import decode_mask, encode_mask, run_lengths
+from punnet.scene.windows import mask_box
 
 __all__ = [
     "LabelPixels",
@@ -146,8 +147,7 @@ def outline_box(segmentation: Segmentation, size: tuple[int, int]) -> NDArray[np
     mask = decode_segmentation(segmentation, size)
     if mask is None or not mask.any():
         return None
-    columns, rows = np.flatnonzero(mask.any(axis=0)), np.flatnonzero(mask.any(axis=1))
-    return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], dtype=np.float64)
+    return np.array(mask_box(mask), dtype=np.float64)
 
 
 def read_labels(path: Path, size: tuple[int, int]) -> NDArray[np.integer[Any]]:

@@ -17,6 +17,7 @@ from punnet.data.dataset import AnnotatedImage, Annotation, Dataset
 from punnet.errors import ConfigurationError, FileFormatError
 from punnet.outputs import OutputFolder
 from punnet.scene import CLASSES, KEYPOINTS, Visibility
+from punnet.scene.windows import mask_box
 
 __all__ = ["YoloTask", "write_yolo"]
 
@@ -209,9 +210,8 @@ def _outline(
 
 def _trace(mask: NDArray[np.bool_]) -> list[NDArray[np.float64]]:
     """Outlines (n, 2) of the parts of a mask and of the holes in them, along the edges of its pixels."""
-    columns, rows = np.flatnonzero(mask.any(axis=0)), np.flatnonzero(mask.any(axis=1))
-    left, top = int(columns[0]), int(rows[0])
-    part = mask[top : rows[-1] + 1, left : columns[-1] + 1].astype(np.uint8)
+    left, top, right, bottom = mask_box(mask)
+    part = mask[top:bottom, left:right].astype(np.uint8)
     large = cv2.resize(part, None, fx=FINER, fy=FINER, interpolation=cv2.INTER_NEAREST)
     found, _ = cv2.findContours(large, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     outlines = []

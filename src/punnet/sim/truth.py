@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from punnet.geometry import CameraIntrinsics, invert_transform, project, transform_points
 from punnet.perception.picking_points import PICKING_HEIGHT
 from punnet.scene import KEYPOINTS, PLUCKABLE, UNPLUCKABLE, Frame, Strawberries, Visibility
+from punnet.scene.windows import berry_box
 from punnet.sim.cluster import Cluster
 from punnet.sim.layers import PLANT_VISUAL, SCENERY
 from punnet.sim.plant import PlantedBerry
@@ -235,14 +236,10 @@ def _grasp_points(
 
 
 def keypoint_boxes(masks: NDArray[np.bool_], keypoints: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Xyxy boxes (N, 4) that hold the mask and the key-points in view."""
+    """Xyxy boxes (N, 4) that hold the mask, which must not be empty, and the key-points in view."""
     boxes = np.zeros((len(masks), 4))
     for row, (mask, points) in enumerate(zip(masks, keypoints, strict=True)):
-        v, u = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-        inside = points[np.isfinite(points).all(axis=1)]
-        low = np.minimum((u.min(), v.min()), inside.min(axis=0, initial=np.inf))
-        high = np.maximum((u.max() + 1, v.max() + 1), inside.max(axis=0, initial=-np.inf))
-        boxes[row] = (*low, *high)
+        boxes[row] = berry_box(mask, points)
     return boxes
 
 

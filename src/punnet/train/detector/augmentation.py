@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from punnet.scene import KEYPOINTS, Visibility
+from punnet.scene.windows import berry_box, mask_box
 
 __all__ = ["Labels", "change_light", "random_view", "view"]
 
@@ -117,7 +118,8 @@ def _moved(labels: Labels, A: NDArray[np.float64], size: tuple[int, int], *, mir
         masks[i] = _moved_mask(labels.masks[i], A, size)
         area[i] = float(masks[i].sum())
         share[i] = area[i] / max(stretch * float(labels.masks[i].sum()), 1e-9)
-        clipped[i] = _tight_box(masks[i], keypoints[i], clipped[i])
+        held = berry_box(masks[i], keypoints[i])
+        clipped[i] = clipped[i] if held is None else held
     kept = (share >= LEAST_SHARE) & (area >= LEAST_AREA)
     some = (share > 0) & ~kept
     ignored = _clip(_moved_boxes(labels.ignored - HALF, A) + HALF, size)
@@ -161,11 +163,10 @@ def _clip(boxes: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.float
 
 def _moved_mask(mask: NDArray[np.uint8], A: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.uint8]:
     """A mask, warped; only its surroundings are touched, since most of an image is not berry."""
-    v, u = np.nonzero(mask.any(axis=1))[0], np.nonzero(mask.any(axis=0))[0]
     moved = np.zeros(size, dtype=np.uint8)
-    if not len(v):
+    left, top, right, bottom = mask_box(mask)
+    if left == right:
         return moved
-    top, bottom, left, right = v[0], v[-1] + 1, u[0], u[-1] + 1
     piece = np.pad(mask[top:bottom, left:right] * np.uint8(255), 1)
     target = _moved_boxes(np.array([[left - 1.0, top - 1.0, right + 1.0, bottom + 1.0]]), A)[0]
     x0, y0 = np.maximum(np.floor(target[:2]), 0).astype(int)
@@ -176,19 +177,6 @@ def _moved_mask(mask: NDArray[np.uint8], A: NDArray[np.float64], size: tuple[int
     B[:, 2] += A[:, :2] @ np.array([left - 1.0, top - 1.0]) - (x0, y0)
     moved[y0:y1, x0:x1] = cv2.warpAffine(piece, B, (int(x1 - x0), int(y1 - y0)), flags=cv2.INTER_LINEAR) > 127
     return moved
-
-
-def _tight_box(
-    mask: NDArray[np.uint8], points: NDArray[np.float64], fallback: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """The box that holds a mask and the key-points in view."""
-    v, u = np.nonzero(mask.any(axis=1))[0], np.nonzero(mask.any(axis=0))[0]
-    if not len(v):
-        return fallback
-    known = points[np.isfinite(points).all(axis=1)]
-    low = np.minimum((u[0], v[0]), known.min(axis=0, initial=np.inf))
-    high = np.maximum((u[-1] + 1, v[-1] + 1), known.max(axis=0, initial=-np.inf))
-    return np.concatenate((low, high))
 
 
 def change_light(rng: np.random.Generator, image: Image, strength: float = 1.0) -> Image:
