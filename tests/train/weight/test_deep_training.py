@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -117,6 +118,16 @@ def test_the_kept_weights_are_those_of_the_best_epoch(tmp_path: Path) -> None:
     errors = np.abs(model.predict(VALIDATION.observations) / VALIDATION.grams - 1)
     best = min(model.curve, key=lambda epoch: epoch["loss"])
     assert errors.mean() == pytest.approx(best["mape"], rel=1e-3)
+
+
+@pytest.mark.parametrize(("share", "steps"), [(1.0, 9), (1 / 3, 3), (0.0, 0)])
+def test_statistics_stay_as_they_are_after_a_share_of_the_steps(
+    tmp_path: Path, share: float, steps: int
+) -> None:
+    model = fit(tmp_path / "run", replace(SMALL, settled=share))
+    kept = torch.load(tmp_path / "run" / "last.ckpt", weights_only=True)["state_dict"]
+    assert {int(value) for name, value in kept.items() if name.endswith("num_batches_tracked")} == {steps}
+    assert np.isfinite(model.predict(VALIDATION.observations)).all()
 
 
 def test_the_loss_is_of_the_relative_error() -> None:

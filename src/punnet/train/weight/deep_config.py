@@ -33,6 +33,8 @@ class DeepConfig:
         Epochs without a lower validation loss after which training ends early; 0 for never.
     tolerance
         Relative error at which the loss turns from square to linear (smooth L1 of the relative error).
+    settled
+        Share of the steps after which batch normalisation keeps the statistics that it has, in training as in use; 1 for never.
     dropout
         In the last layers.
     distances
@@ -47,6 +49,7 @@ class DeepConfig:
     warm_up: int = 100
     patience: int = 20
     tolerance: float = 0.1
+    settled: float = 1.0
     dropout: float = 0.2
     distances: tuple[float, float] = (0.15, 0.65)
     length: float = 0.02
@@ -55,6 +58,8 @@ class DeepConfig:
         _require_numbers(self)
         if not 0 <= self.dropout < 1:
             raise ConfigurationError(f"deep model: dropout must lie in [0, 1), got {self.dropout}")
+        if self.settled > 1:
+            raise ConfigurationError(f"deep model: settled must lie in [0, 1], got {self.settled}")
         if len(self.distances) != 2 or not 0 < self.distances[0] < self.distances[1] < math.inf:
             raise ConfigurationError(
                 f"deep model: distances must be two lengths with 0 < near < far, got {self.distances}"
@@ -102,6 +107,9 @@ class ImageConfig(DeepConfig):
 
     Parameters
     ----------
+    settled
+        As above. Where maps are small, the statistics of a batch are so unlike those of use that a network which learnt with
+        the former alone is biased.
     pixels
         Side of the square picture of a berry.
     view
@@ -116,6 +124,7 @@ class ImageConfig(DeepConfig):
         the variant's own, which timm downloads (needs the internet).
     """
 
+    settled: float = 0.5
     pixels: int = 96
     view: float = 0.3
     shift: float = 0.06
@@ -134,7 +143,7 @@ class ImageConfig(DeepConfig):
 
 def _require_numbers(config: DeepConfig) -> None:
     """Every number is positive; those that may be 0 are named."""
-    may_be_zero = {"warm_up", "patience", "dropout", "shift", "tilt", "roll"}
+    may_be_zero = {"settled", "warm_up", "patience", "dropout", "shift", "tilt", "roll"}
     for item in dataclasses.fields(config):
         value = getattr(config, item.name)
         if isinstance(value, bool) or not isinstance(value, int | float):

@@ -11,6 +11,7 @@ import torch
 from lightning.pytorch.callbacks import Callback
 from numpy.typing import NDArray
 from torch import Tensor
+from torch.nn.modules.batchnorm import _BatchNorm
 from torch.utils.data import Dataset
 
 from punnet.train.weight.deep_config import DeepConfig
@@ -74,6 +75,10 @@ class DeepModule(lightning.LightningModule):
     def on_train_batch_start(self, batch: Batch, batch_idx: int) -> None:
         """Dropout draws by the step's own seed, so that a resumed run draws what it would have drawn."""
         torch.manual_seed(self.seed * 1_000_003 + self.global_step)
+        if self.global_step >= self.settings.settled * self.steps:
+            for part in self.network.modules():
+                if isinstance(part, _BatchNorm):
+                    part.eval()
 
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
         """Loss of a batch, and what the network adds."""
