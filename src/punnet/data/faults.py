@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
-__all__ = ["FAULTS", "Fault", "FaultReport", "Severity"]
+__all__ = ["FAULTS", "CountedFaults", "Fault", "FaultReport", "Severity"]
 
 
 class Severity(StrEnum):
@@ -117,8 +118,48 @@ class Fault:
         }
 
 
+class _AnyFault(Protocol):
+    @property
+    def code(self) -> str: ...
+
+    @property
+    def severity(self) -> Severity: ...
+
+    def to_json(self) -> dict[str, Any]: ...
+
+
+class CountedFaults:
+    """What reports of all kinds tell of their ``faults``."""
+
+    faults: Sequence[_AnyFault]
+
+    @property
+    def errors(self) -> int:
+        """How many faults are errors."""
+        return sum(fault.severity is Severity.ERROR for fault in self.faults)
+
+    @property
+    def warnings(self) -> int:
+        """How many faults are warnings."""
+        return len(self.faults) - self.errors
+
+    @property
+    def by_code(self) -> dict[str, int]:
+        """Count of each code that occurs, most frequent first."""
+        return dict(Counter(fault.code for fault in self.faults).most_common())
+
+    def counted(self) -> dict[str, Any]:
+        """The counts and the faults, plain values."""
+        return {
+            "errors": self.errors,
+            "warnings": self.warnings,
+            "by_code": self.by_code,
+            "faults": [fault.to_json() for fault in self.faults],
+        }
+
+
 @dataclass(frozen=True)
-class FaultReport:
+class FaultReport(CountedFaults):
     """What a validator found in a file.
 
     Parameters
@@ -136,31 +177,13 @@ class FaultReport:
     annotations: int
     faults: tuple[Fault, ...]
 
-    @property
-    def errors(self) -> int:
-        """How many faults are errors."""
-        return sum(fault.severity is Severity.ERROR for fault in self.faults)
-
-    @property
-    def warnings(self) -> int:
-        """How many faults are warnings."""
-        return len(self.faults) - self.errors
-
-    @property
-    def by_code(self) -> dict[str, int]:
-        """Count of each code that occurs, most frequent first."""
-        return dict(Counter(fault.code for fault in self.faults).most_common())
-
     def to_json(self) -> dict[str, Any]:
         """Plain values."""
         return {
             "file": str(self.path),
             "images": self.images,
             "annotations": self.annotations,
-            "errors": self.errors,
-            "warnings": self.warnings,
-            "by_code": self.by_code,
-            "faults": [fault.to_json() for fault in self.faults],
+            **self.counted(),
         }
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from punnet.data.faults import Severity
+from punnet.data.faults import CountedFaults, Severity
 from punnet.errors import FileFormatError
 
 __all__ = ["DEMO_FAULTS", "DemoFault", "DemoReport", "EpisodeRefused"]
@@ -94,7 +93,7 @@ class DemoFault:
 
 
 @dataclass(frozen=True)
-class DemoReport:
+class DemoReport(CountedFaults):
     """What a validator found.
 
     Parameters
@@ -111,30 +110,12 @@ class DemoReport:
     episodes: int
     faults: tuple[DemoFault, ...]
 
-    @property
-    def errors(self) -> int:
-        """How many faults are errors."""
-        return sum(fault.severity is Severity.ERROR for fault in self.faults)
-
-    @property
-    def warnings(self) -> int:
-        """How many faults are warnings."""
-        return len(self.faults) - self.errors
-
-    @property
-    def by_code(self) -> dict[str, int]:
-        """Count of each code that occurs, most frequent first."""
-        return dict(Counter(fault.code for fault in self.faults).most_common())
-
     def to_json(self) -> dict[str, Any]:
         """Plain values."""
         return {
             "path": str(self.path),
             "episodes": self.episodes,
-            "errors": self.errors,
-            "warnings": self.warnings,
-            "by_code": self.by_code,
-            "faults": [fault.to_json() for fault in self.faults],
+            **self.counted(),
         }
 
 

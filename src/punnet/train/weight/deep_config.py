@@ -143,7 +143,7 @@ class ImageConfig(DeepConfig):
 
 def _require_numbers(config: DeepConfig) -> None:
     """Every number is positive; those that may be 0 are named."""
-    may_be_zero = {"settled", "warm_up", "patience", "dropout", "shift", "tilt", "roll"}
+    may_be_zero = {"settled", "warm_up", "patience", "dropout", "depth_dropout", "shift", "tilt", "roll"}
     for item in dataclasses.fields(config):
         value = getattr(config, item.name)
         if isinstance(value, bool) or not isinstance(value, int | float):
