@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from punnet.errors import ConfigurationError
-from punnet.train.weight.augmentation import move_pictures, move_points
+from punnet.train.weight.augmentation import move_points
 from punnet.train.weight.deep_config import DeepConfig, ImageConfig, PointConfig
 from punnet.train.weight.deep_inputs import PictureInputs, PointInputs, berry_picture
 from punnet.weight.observation import BerryObservation
@@ -139,23 +139,34 @@ def test_a_berry_larger_than_the_picture_is_cut_off() -> None:
 
 
 def test_pictures_move_and_keep_their_depth() -> None:
-    inputs = PictureInputs([dome(), dome(distance=0.4)], ImageConfig(pixels=64, shift=0.1, roll=0.0))
-    still = inputs.still(ALL)
-    drawn = move_pictures(still, np.random.default_rng(3), shift=0.1, roll=30.0)
-    assert drawn.shape == still.shape
+    inputs = PictureInputs([dome(), dome(distance=0.4)], ImageConfig(pixels=64, shift=0.1, roll=30.0))
+    still, drawn = inputs.still(ALL), inputs.draw(ALL, np.random.default_rng(3))
+    assert drawn.shape == still.shape == (2, 5, 64, 64)
     for before, after in zip(still, drawn, strict=True):
         assert after[3].max() == pytest.approx(float(before[3].max()), abs=0.01)
         assert after[3].sum() == pytest.approx(float(before[3].sum()), rel=0.02)
         rows = torch.arange(64.0)
         middles = [(p[3].sum(dim=1) * rows).sum() / p[3].sum() for p in (before, after)]
         assert 0.2 < abs(float(middles[0] - middles[1])) <= 6.5
+        # Nothing between berry and background: a moved edge is as sharp as one that was not moved.
+        for picture in (before, after):
+            shown = picture[3][picture[3] > 0]
+            assert shown.min() > 0.9 * shown.max()
+
+
+def test_a_turn_is_a_turn_about_the_middle() -> None:
+    config = ImageConfig(pixels=65)
+    berry = dome(radius=0.012, length=0.025)
+    still, quarter = berry_picture(berry, config), berry_picture(berry, config, roll=90.0)
+    np.testing.assert_allclose(quarter, np.rot90(still, k=-1, axes=(1, 2)), atol=1e-3)
+    aside = berry_picture(berry, config, shift=(0.2, -0.2))
+    np.testing.assert_allclose(aside[:, :40, 13:], still[:, 13:53, :-13], atol=1e-3)
 
 
 def test_pictures_stay_without_a_shift_or_roll() -> None:
-    still = PictureInputs([dome()], ImageConfig(pixels=64)).still(np.array([0]))
-    torch.testing.assert_close(
-        move_pictures(still, np.random.default_rng(0), shift=0.0, roll=0.0), still, rtol=0, atol=1e-4
-    )
+    inputs = PictureInputs([dome()], ImageConfig(pixels=64, shift=0.0, roll=0.0))
+    one = np.array([0])
+    torch.testing.assert_close(inputs.draw(one, np.random.default_rng(0)), inputs.still(one), rtol=0, atol=0)
 
 
 @pytest.mark.parametrize(

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from torch import Tensor
 
-__all__ = ["move_pictures", "move_points"]
+__all__ = ["move_points"]
 
 
 def move_points(
@@ -38,35 +36,3 @@ def move_points(
     offsets = np.zeros((count, 1, 3), dtype=np.float32)
     offsets[:, 0, :2] = generator.uniform(-shift, shift, size=(count, 2))
     return np.asarray(points @ turns.transpose(0, 2, 1) + offsets)
-
-
-def move_pictures(pictures: Tensor, generator: np.random.Generator, *, shift: float, roll: float) -> Tensor:
-    """Turn each picture about its middle and move it; all its channels alike, their values stay.
-
-    Parameters
-    ----------
-    pictures
-        (B, C, S, S); what comes in from outside is 0.
-    generator
-        Draws an angle and a shift a picture.
-    shift
-        Share of the side, across and down, up to so much.
-    roll
-        Degrees, up to so much.
-    """
-    count = len(pictures)
-    angles = np.deg2rad(generator.uniform(-roll, roll, size=count))
-    # grid_sample's coordinates go from −1 to 1: a whole side is 2.
-    offsets = generator.uniform(-2 * shift, 2 * shift, size=(count, 2))
-    cosines, sines = np.cos(angles), np.sin(angles)
-    affine = np.stack(
-        (
-            np.stack((cosines, -sines, offsets[:, 0]), axis=1),
-            np.stack((sines, cosines, offsets[:, 1]), axis=1),
-        ),
-        axis=1,
-    )
-    grid = torch.nn.functional.affine_grid(
-        torch.from_numpy(affine.astype(np.float32)), list(pictures.shape), align_corners=False
-    )
-    return torch.nn.functional.grid_sample(pictures, grid, align_corners=False)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Protocol
 
 import cv2
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
-from punnet.train.weight.augmentation import move_pictures, move_points
+from punnet.train.weight.augmentation import move_points
 from punnet.train.weight.deep_config import ImageConfig, PointConfig
 from punnet.train.weight.surface import rebuild_surface, sample_surface
 from punnet.weight.observation import BerryObservation
@@ -97,59 +97,82 @@ def berry_points(
 
 
 class PictureInputs:
-    """Pictures of each berry: (B, 5, pixels, pixels): red, green, blue; depth, relief. Only the berry's pixels show."""
+    """Pictures of each berry: (B, 5, pixels, pixels): red, green, blue; depth, relief. Only the berry's pixels show.
+
+    Moved ones are drawn from the frame as the others are. To move a picture that is drawn already softens its edges: a
+    network that learns from such ones weighs sharp ones a fifth too heavy.
+    """
 
     def __init__(self, observations: Sequence[BerryObservation], config: ImageConfig) -> None:
         self.config = config
-        self._pictures = np.empty((len(observations), 5, config.pixels, config.pixels), dtype=np.float16)
-        for index, observation in enumerate(observations):
-            self._pictures[index] = berry_picture(observation, config)
+        self._observations = tuple(observations)
 
     def __len__(self) -> int:
-        return len(self._pictures)
+        return len(self._observations)
 
     def draw(self, indices: NDArray[np.int64], generator: np.random.Generator) -> Tensor:
         """Turned and moved in the image plane."""
-        return move_pictures(self.still(indices), generator, shift=self.config.shift, roll=self.config.roll)
+        config = self.config
+        rolls = generator.uniform(-config.roll, config.roll, size=len(indices))
+        shifts = generator.uniform(-config.shift, config.shift, size=(len(indices), 2))
+        return self._pictures(
+            berry_picture(self._observations[index], config, roll=roll, shift=shift)
+            for index, roll, shift in zip(indices.tolist(), rolls.tolist(), shifts, strict=True)
+        )
 
     def still(self, indices: NDArray[np.int64]) -> Tensor:
         """As the camera saw them, in the middle of the picture."""
-        return torch.from_numpy(self._pictures[indices].astype(np.float32))
+        return self._pictures(
+            berry_picture(self._observations[index], self.config) for index in indices.tolist()
+        )
+
+    def _pictures(self, drawn: Iterable[NDArray[np.float32]]) -> Tensor:
+        shape = 5, self.config.pixels, self.config.pixels
+        return torch.from_numpy(np.array(list(drawn), dtype=np.float32).reshape(-1, *shape))
 
 
-def berry_picture(observation: BerryObservation, config: ImageConfig) -> NDArray[np.float32]:
+def berry_picture(
+    observation: BerryObservation, config: ImageConfig, *, roll: float = 0.0, shift: ArrayLike = (0.0, 0.0)
+) -> NDArray[np.float32]:
     """Colour and depth (5, pixels, pixels) of a berry, 0 where there is none of it.
 
     Channels: red, green, blue by ImageNet's mean and spread; depth over the middle of ``config.distances``; depth from
     the berry's median, in units of ``config.length``. Where there is no reading the depth is 0. The picture spans the
     same angle for every berry; one larger than that is cut off.
+
+    Parameters
+    ----------
+    observation, config
+        What is drawn, and how.
+    roll
+        Degrees by which it is turned about the middle of the picture, from x to y.
+    shift
+        (2,) shares of the side by which it is then moved along x and y.
     """
     height, width = observation.mask.shape
     camera = observation.camera
-    scale_x, scale_y = (config.pixels / (config.view * f) for f in (camera.fx, camera.fy))
-    half = (config.pixels - 1) / 2
-    affine = np.array(
-        (
-            (scale_x, 0.0, half - scale_x * (width - 1) / 2),
-            (0.0, scale_y, half - scale_y * (height - 1) / 2),
-        )
+    angle, half = np.deg2rad(roll), (config.pixels - 1) / 2
+    turn = np.array(((np.cos(angle), -np.sin(angle)), (np.sin(angle), np.cos(angle))))
+    affine = np.empty((2, 3))
+    affine[:, :2] = turn * (config.pixels / (config.view * np.array((camera.fx, camera.fy))))
+    affine[:, 2] = (
+        half + config.pixels * np.asarray(shift) - affine[:, :2] @ ((width - 1) / 2, (height - 1) / 2)
     )
 
-    def seen(channel: NDArray[np.float32]) -> NDArray[np.float32]:
-        warped = cv2.warpAffine(channel, affine, (config.pixels, config.pixels), flags=cv2.INTER_LINEAR)
+    def seen(channels: NDArray[np.float32]) -> NDArray[np.float32]:
+        warped = cv2.warpAffine(channels, affine, (config.pixels, config.pixels), flags=cv2.INTER_LINEAR)
         return np.asarray(warped, dtype=np.float32)
 
     mask = observation.mask.astype(np.float32)
     readings = mask * (observation.depth > 0)
-    colour = (observation.rgb.astype(np.float32) / 255.0 - _COLOUR_MEAN) / _COLOUR_SPREAD
-    share = seen(readings)
-    depth = np.where(share > 0.5, seen(readings * observation.depth) / np.maximum(share, 0.5), 0.0)
-    median = np.float32(np.median(observation.cloud[:, 2]))
-    relief = np.where(share > 0.5, depth - median, 0.0) / config.length
-    # Stray readings at the outline are up to decimetres off.
-    relief = np.clip(relief, -2.0, 2.0)
-    middle = sum(config.distances) / 2
-    picture = np.concatenate(
-        (seen(colour * mask[:, :, None]).transpose(2, 0, 1), (depth / middle)[None], relief[None])
+    colour = seen(
+        (observation.rgb.astype(np.float32) / 255.0 - _COLOUR_MEAN) / _COLOUR_SPREAD * mask[:, :, None]
     )
+    share, depth = cv2.split(seen(np.dstack((readings, readings * observation.depth)).astype(np.float32)))
+    depth = np.where(share > 0.5, depth / np.maximum(share, 0.5), 0.0)
+    median = np.float32(np.median(observation.cloud[:, 2]))
+    # Stray readings at the outline are up to decimetres off.
+    relief = np.clip(np.where(share > 0.5, depth - median, 0.0) / config.length, -2.0, 2.0)
+    middle = sum(config.distances) / 2
+    picture = np.concatenate((colour.transpose(2, 0, 1), (depth / middle)[None], relief[None]))
     return picture.astype(np.float32)
