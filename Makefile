@@ -20,8 +20,8 @@ help:  ## this list
 demo: base rendering  ## pick strawberries in the simulator; the report is runs/demo/report.html
 	@$(RUN) python -m punnet demo --out runs/demo --force
 
-test: dev rendering  ## all tests on all cores, with coverage (PYTEST_ARGS="-k detect" to choose, "-n 0" for one process)
-	@$(RUN) OMP_NUM_THREADS=1 python -m pytest -n auto --maxprocesses 8 --dist worksteal --cov --cov-report=term $(PYTEST_ARGS)
+test: dev rendering  ## all tests on all cores (PYTEST_ARGS="-k detect" to choose, "-n 0" for one process, "--cov" for coverage)
+	@$(RUN) OMP_NUM_THREADS=1 python -m pytest -n auto --maxprocesses 8 --dist worksteal $(PYTEST_ARGS)
 
 lint: dev  ## ruff and mypy --strict
 	@$(RUN) python -m ruff check .
