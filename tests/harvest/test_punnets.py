@@ -10,3 +10,7 @@ def test_places_lie_inside_and_apart():
     gaps = np.linalg.norm(places[:, None] - places, axis=2) + 9 * np.eye(6)
     assert gaps.min() > 0.04
     assert np.array_equal(slot_offset(7), slot_offset(1))
+
+
+def test_the_first_ones_lie_far_apart():
+    assert np.linalg.norm(slot_offset(1) - slot_offset(0)) > 0.1
