@@ -6,6 +6,9 @@ import pytest
 
 from punnet.errors import RobotError
 from punnet.geometry import invert_transform
+from punnet.harvest.config import HarvestConfig
+from punnet.harvest.motions import Motions
+from punnet.harvest.punnets import slot_offset
 from punnet.movement import JointTrajectory, retime
 from punnet.planning import ProMPDepthPlanner
 from punnet.robot import (
@@ -14,13 +17,15 @@ from punnet.robot import (
     NOT_ALONE,
     T_FLANGE_TOOL,
     TOO_THICK,
+    GuardedRobot,
+    MotionGuard,
     Panda,
     Robot,
     nearest_solution,
 )
 from punnet.robot.tool import T_FLANGE_CAMERA
 from punnet.scene import Frame, Target
-from punnet.sim.punnets import PUNNET_PLACES
+from punnet.sim.punnets import PUNNET_PLACES, inside_punnet
 from punnet.sim.simulated_robot import WRIST_CAMERA, SimulatedRobot
 from punnet.sim.truth import true_picking_points
 from tests.sim.conftest import small_world
@@ -78,10 +83,15 @@ def test_reach_grip_cut_and_carry(robot):
     held = world.berry_poses()[berry][:3, 3]
     tool = ARM.forward_kinematics_tool(robot.joints())[:3, 3]
     assert np.linalg.norm(held - tool) < 0.03
-    robot.release()
-    for _ in range(250):
-        world.step()
-    assert world.berry_poses()[berry][2, 3] < held[2] - 0.2
+    motions = Motions(GuardedRobot(robot, MotionGuard()), ARM, PUNNET_PLACES, HarvestConfig())
+    assert motions.carry(1, 2).reached
+    fruit = world.data.geom_xpos[world.model.geom(world.planted[berry].fruit).id]
+    place = PUNNET_PLACES[1] + (*slot_offset(2), 0.0)
+    assert np.linalg.norm((fruit - place)[:2]) < 0.006
+    before = world.contacts.peak_on_berry[berry]
+    assert motions.leave_punnet().reached
+    assert inside_punnet(world.berry_poses()[berry][:3, 3]) == 1
+    assert world.contacts.peak_on_berry[berry] < max(before, 6.0)
 
 
 def test_cutting_air_says_so(robot):

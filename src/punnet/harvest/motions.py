@@ -32,9 +32,7 @@ _RELEASE_HEIGHT = 0.070  # and where it lets go: the fruit then hangs 5 to 20 mm
 _SET_DOWN_SPEED = 0.5  # of the careful one: a fruit that swings against the wall faster is bruised
 _SET_DOWN_FORCE = 4.0  # newtons of the tool on what it lowers, which hangs against it with less
 _OFF_AGAIN = 0.008  # metres up from where it met something
-_GRIP_TO_FRUIT = (
-    0.018  # along the stem's tilt, which is the tool's, from the grip to over the middle of the fruit
-)
+_GRIP_TO_FRUIT = 0.018  # from the grip to over the fruit's middle, along the stem, which tilts with the tool
 _LAYER_HEIGHT = 0.030
 _BERRIES_A_LAYER = 6
 _VIEW_DISTANCE = 0.38  # metres from the camera to the berry for a second view
