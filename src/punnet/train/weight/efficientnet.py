@@ -77,8 +77,7 @@ class TwoStreams(WeightNetwork):
 
     def output(self, inputs: Tensor) -> Tensor:
         """(B, 1)."""
-        colour, depth = inputs.split((3, 2), dim=1)
-        both = torch.cat((self.colour(_last(colour)), self.depth(_last(depth))), dim=1)
+        both = torch.cat((self.colour(_last(inputs[:, :3])), self.depth(_last(inputs[:, 3:]))), dim=1)
         grams: Tensor = self.head(self.dropout(both))
         return grams
 
