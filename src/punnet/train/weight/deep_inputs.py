@@ -100,7 +100,7 @@ class PictureInputs:
     """Pictures of each berry: (B, 5, pixels, pixels): red, green, blue; depth, relief. Only the berry's pixels show.
 
     Moved ones are drawn from the frame as the others are. To move a picture that is drawn already softens its edges: a
-    network that learns from such ones weighs sharp ones a fifth too heavy.
+    network that learns from such ones weighs sharp ones too heavy.
     """
 
     def __init__(self, observations: Sequence[BerryObservation], config: ImageConfig) -> None:
