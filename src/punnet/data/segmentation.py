@@ -145,9 +145,10 @@ def outline_box(segmentation: Segmentation, size: tuple[int, int]) -> NDArray[np
         corners = np.concatenate([np.asarray(polygon).reshape(-1, 2) for polygon in segmentation])
         return np.concatenate((corners.min(axis=0), corners.max(axis=0)))
     mask = decode_segmentation(segmentation, size)
-    if mask is None or not mask.any():
+    if mask is None:
         return None
-    return np.array(mask_box(mask), dtype=np.float64)
+    left, top, right, bottom = mask_box(mask)
+    return None if left == right else np.array((left, top, right, bottom), dtype=np.float64)
 
 
 def read_labels(path: Path, size: tuple[int, int]) -> NDArray[np.integer[Any]]:

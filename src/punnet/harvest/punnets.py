@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 __all__ = ["slot_offset"]
 
 _SLOTS = np.array([(-1, 1), (1, -1), (1, 1), (-1, -1), (-1, 0), (1, 0)])
-_SLOT_PITCH = np.array((0.023, 0.048))
+_FROM_MIDDLE = np.array((0.023, 0.048))
 
 
 def slot_offset(count: int) -> NDArray[np.float64]:
@@ -16,4 +16,4 @@ def slot_offset(count: int) -> NDArray[np.float64]:
 
     First from corner to far corner: what is let go on top of another berry presses it against the floor.
     """
-    return np.asarray(_SLOTS[count % len(_SLOTS)] * _SLOT_PITCH)
+    return np.asarray(_SLOTS[count % len(_SLOTS)] * _FROM_MIDDLE)

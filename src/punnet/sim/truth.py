@@ -239,7 +239,9 @@ def keypoint_boxes(masks: NDArray[np.bool_], keypoints: NDArray[np.float64]) -> 
     """Xyxy boxes (N, 4) that hold the mask, which must not be empty, and the key-points in view."""
     boxes = np.zeros((len(masks), 4))
     for row, (mask, points) in enumerate(zip(masks, keypoints, strict=True)):
-        boxes[row] = berry_box(mask, points)
+        box = berry_box(mask, points)
+        assert box is not None
+        boxes[row] = box
     return boxes
 
 

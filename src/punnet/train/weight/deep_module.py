@@ -73,7 +73,10 @@ class DeepModule(lightning.LightningModule):
         self._errors: list[Tensor] = []
 
     def on_train_batch_start(self, batch: Batch, batch_idx: int) -> None:
-        """Dropout draws by the step's own seed, so that a resumed run draws what it would have drawn."""
+        """Dropout draws by the step's own seed, so that a resumed run draws what it would have drawn.
+
+        After ``settled`` of the steps batch normalisation is as in use, from here on until validation and again after it.
+        """
         torch.manual_seed(self.seed * 1_000_003 + self.global_step)
         if self.global_step >= self.settings.settled * self.steps:
             for part in self.network.modules():

@@ -107,7 +107,7 @@ def _stream(config: EfficientNetConfig, channels: int) -> Any:
             raise
         raise ConfigurationError(
             f"efficientnet: timm could not download ImageNet's weights ({str(error).splitlines()[0]}); "
-            f"connect to the internet, or start otherwise"
+            "connect to the internet, or start otherwise"
         ) from error
     if config.start == "lite0":
         fill_from_lite0(network)
