@@ -40,10 +40,13 @@ class ContactMonitor:
         link = model.body(first_link).id
         self._is_tool = np.array([self._under(model, body, link) for body in model.geom_bodyid])
         self._is_structure = (model.geom_contype == STRUCTURE[0]) & (model.geom_conaffinity == STRUCTURE[1])
+        berry, by_tool = berry_of_geom >= 0, np.logical_and.outer(self._is_tool, self._is_structure)
+        self._counts = np.logical_or.outer(berry, berry) | by_tool | by_tool.T
         self._berries = berries
         self.peak_on_berry = np.zeros(berries)
         self.tool_peak_on_berry = np.zeros(berries)
         self._recent_tool_peak_on_berry = np.zeros(berries)
+        self._recent_tool_peak = 0.0
         self._recent_structure_peak = 0.0
 
     @staticmethod
@@ -57,7 +60,7 @@ class ContactMonitor:
     def reset_recent(self) -> None:
         """Forget the recent peaks (those since the last motion began); the lifetime peaks stay."""
         self._recent_tool_peak_on_berry[:] = 0.0
-        self._recent_structure_peak = 0.0
+        self._recent_tool_peak = self._recent_structure_peak = 0.0
 
     @property
     def recent_tool_peaks(self) -> NDArray[np.float64]:
@@ -67,7 +70,7 @@ class ContactMonitor:
     @property
     def recent_tool_peak(self) -> float:
         """Peak force of the tool on any one berry since :meth:`reset_recent`, newtons."""
-        return float(self._recent_tool_peak_on_berry.max(initial=0.0))
+        return self._recent_tool_peak
 
     @property
     def recent_structure_peak(self) -> float:
@@ -79,7 +82,11 @@ class ContactMonitor:
         if data.ncon == 0 or data.nefc == 0:
             return
         contact = data.contact
-        geoms, address = contact.geom, contact.efc_address
+        geoms = contact.geom
+        counted = self._counts[geoms[:, 0], geoms[:, 1]].nonzero()[0]
+        if not len(counted):  # as in most steps: the arm's own parts, leaves and stems lie against each other
+            return
+        geoms, address = geoms[counted], contact.efc_address[counted]
         berry, tool = self._berry_of_geom[geoms], self._is_tool[geoms]
         force = np.where(address >= 0, data.efc_force[address], 0.0)
         on_berries = np.zeros(self._berries)
@@ -91,5 +98,6 @@ class ContactMonitor:
         np.maximum(self.peak_on_berry, on_berries, out=self.peak_on_berry)
         np.maximum(self.tool_peak_on_berry, by_tool, out=self.tool_peak_on_berry)
         np.maximum(self._recent_tool_peak_on_berry, by_tool, out=self._recent_tool_peak_on_berry)
+        self._recent_tool_peak = max(self._recent_tool_peak, float(by_tool.max(initial=0.0)))
         hard = force[(tool & self._is_structure[geoms][:, ::-1]).any(axis=1)]
-        self._recent_structure_peak = max(self._recent_structure_peak, hard.max(initial=0.0))
+        self._recent_structure_peak = max(self._recent_structure_peak, float(hard.max(initial=0.0)))

@@ -93,7 +93,7 @@ class SimulatedRobot:
 
     def joints(self) -> NDArray[np.float64]:
         """Joint angles (J,), radians."""
-        return np.array(self.world.data.qpos[self.world.arm_qpos])
+        return np.asarray(self.world.data.qpos[self.world.arm_qpos])
 
     def camera_pose(self) -> NDArray[np.float64]:
         """``T_base_camera`` (4, 4) by forward kinematics."""
@@ -132,8 +132,8 @@ class SimulatedRobot:
         times = np.arange(TIME_STEP, trajectory.duration + TIME_STEP, TIME_STEP)
         positions = trajectory.sample(np.minimum(times, trajectory.duration))
         velocities = trajectory.sample(np.minimum(times, trajectory.duration), derivative=1)
-        for position, velocity in zip(positions, velocities, strict=True):
-            world.data.ctrl[world.arm_ctrl] = position + SERVO_LAG * velocity
+        for position, command in zip(positions, positions + SERVO_LAG * velocities, strict=True):
+            world.data.ctrl[world.arm_ctrl] = command
             self._step()
             reason = self._stop_reason(position, force_limit)
             if reason is not None:
@@ -150,12 +150,12 @@ class SimulatedRobot:
             return f"pressed on structure: with {contacts.recent_structure_peak:.0f} N"
         if force_limit is not None and contacts.recent_tool_peak > force_limit:
             return f"pushed a fruit: with {contacts.recent_tool_peak:.1f} N"
-        joints = self.joints()
-        if np.abs(joints - commanded).max() > _TRACKING_LIMIT:
+        if max(np.abs(self.joints() - commanded).tolist()) > _TRACKING_LIMIT:
             return "arm held up: it does not follow its trajectory"
-        speed = np.abs(self.world.data.qvel[self.world.arm_dofs]) / self._arm.limits.velocity
-        if speed.max() > _OVERSPEED:
-            return f"too fast: joint {int(np.argmax(speed)) + 1} at {speed.max():.0%} of its limit"
+        speeds = (np.abs(self.world.data.qvel[self.world.arm_dofs]) / self._arm.limits.velocity).tolist()
+        fastest = max(speeds)
+        if fastest > _OVERSPEED:
+            return f"too fast: joint {speeds.index(fastest) + 1} at {fastest:.0%} of its limit"
         return None
 
     def _motion_result(self, reason: str | None) -> MotionResult:
