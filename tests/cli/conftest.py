@@ -13,6 +13,9 @@ import pytest
 
 from punnet.cli import main
 from punnet.geometry import CameraIntrinsics
+from punnet.harvest.benchmark import BenchmarkSettings
+from punnet.harvest.benchmark_plants import AttemptResult, PlantResult
+from punnet.harvest.judge import Fate
 from punnet.robot import HOME, T_FLANGE_CAMERA, Panda
 from punnet.scene import Frame
 
@@ -123,3 +126,33 @@ def frame_options() -> Callable[..., list[str]]:
         return [*chosen, "--detector", "colour"]
 
     return options
+
+
+FATE = {"index": 0, "stage": "ripe", "pluckable": True, "reachable": True, "mass": 20.0, "detached": True}
+PLANT = PlantResult(
+    0,
+    7,
+    (
+        Fate(**FATE, punnet=0, peak_force=2.0, tool_force=0.0),
+        Fate(**{**FATE, "index": 1, "detached": False}, punnet=None, peak_force=0.0, tool_force=0.0),
+    ),
+    (
+        AttemptResult("picked", "place", aimed=0, estimate=21.0, true_weight=20.0, cut_error=0.003),
+        AttemptResult("failed", "grip", "nothing between the pads", 1),
+    ),
+    seconds_simulated=20.0,
+    seconds_computing=0.5,
+)
+
+
+@pytest.fixture
+def one_plant(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str, str]]:
+    """The commands as they are, with one plant that needs no simulator; of each harvest what it was told."""
+    harvests: list[tuple[str, str, str]] = []
+
+    def harvested(settings: BenchmarkSettings, number: int) -> PlantResult:
+        harvests.append((settings.suite, settings.perception, settings.choice))
+        return PLANT
+
+    monkeypatch.setattr("punnet.harvest.benchmark.run_plant", harvested)
+    return harvests

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import typer
 
-from punnet.cli.benchmark_harvest import compare, harvest
+from punnet.cli.benchmark_harvest import harvest
 from punnet.cli.benchmark_packing import packing
+from punnet.cli.benchmark_table import compare, table
 
 __all__ = ["register"]
 
@@ -17,6 +18,9 @@ def register(app: typer.Typer) -> None:
         "harvest",
         epilog="Example: punnet benchmark harvest --suite clustered --clusters 20 --seed 1 --workers 2",
     )(harvest)
+    group.command(
+        "table", epilog="Example: punnet benchmark table --clusters 20 --seed 1 --workers 2 --out table"
+    )(table)
     group.command(
         "compare", epilog="Example: punnet benchmark compare easy-colour easy-default --out outcomes.png"
     )(compare)

@@ -1,4 +1,4 @@
-"""``punnet benchmark harvest`` and ``compare``: suites of unseen plants, and several runs side by side."""
+"""``punnet benchmark harvest``: a suite of unseen plants."""
 
 from __future__ import annotations
 
@@ -11,9 +11,24 @@ from punnet.cli.console import note, print_json, print_table, progress_bar, say
 from punnet.cli.eyes import perception_in_simulation
 from punnet.cli.options import DetectorName, Json, Oracle, PlannerBundle, PlannerName, Seed
 
-__all__ = ["compare", "harvest"]
+__all__ = [
+    "INTERRUPTED",
+    "Backend",
+    "Clusters",
+    "Workers",
+    "harvest",
+    "interval",
+    "number",
+    "percent",
+    "tell_errors",
+]
 
 INTERRUPTED = 130
+Clusters = Annotated[int, typer.Option("--clusters", min=1, help="How many plants to harvest.")]
+Workers = Annotated[int, typer.Option("--workers", "-j", min=1, help="Processes side by side.")]
+Backend = Annotated[
+    str, typer.Option("--backend", help="loky: this machine's cores; ray: the machines of a Ray cluster.")
+]
 
 
 def harvest(
@@ -21,12 +36,10 @@ def harvest(
         str,
         typer.Option("--suite", help="Kind of plants: easy, thesis, clustered, occluded or night."),
     ] = "easy",
-    clusters: Annotated[int, typer.Option("--clusters", min=1, help="How many plants to harvest.")] = 20,
+    clusters: Clusters = 20,
     seed: Seed = 0,
-    workers: Annotated[int, typer.Option("--workers", "-j", min=1, help="Processes side by side.")] = 2,
-    backend: Annotated[
-        str, typer.Option("--backend", help="loky: this machine's cores; ray: the machines of a Ray cluster.")
-    ] = "loky",
+    workers: Workers = 2,
+    backend: Backend = "loky",
     detector: DetectorName = None,
     oracle: Oracle = False,
     planner: PlannerName = None,
@@ -102,83 +115,40 @@ def harvest(
         _print(figures)
         if out is not None and len(done) == clusters:
             say(f"wrote {out}: figures.json, missed.png, a file a plant")
-    if figures["errors"]:
-        for plant_seed, error in figures["errors"].items():
-            note(f"the plant of seed {plant_seed} was not finished: {error}")
+    if tell_errors(figures):
         raise typer.Exit(1)
     if len(done) < clusters:
         note(f"interrupted; these are the figures of the {len(done)} of {clusters} plants that were finished")
         raise typer.Exit(INTERRUPTED)
 
 
-def compare(
-    runs: Annotated[list[Path], typer.Argument(help="Folders of benchmarks.", show_default=False)],
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Picture to write, PNG.", show_default=False)
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace the picture if it exists.")] = False,
-    as_json: Json = False,
-) -> None:
-    """Set benchmarks side by side: a table, and a picture of what became of every reachable ripe berry."""
-    from punnet.harvest.benchmark_folder import read_figures
-    from punnet.harvest.benchmark_picture import draw_outcomes, row_name
-    from punnet.outputs import require_suffix, write_bytes
-
-    if out is not None:
-        require_suffix(out, ".png")
-    figures = [read_figures(folder) for folder in runs]
-    if out is not None:
-        write_bytes(out, draw_outcomes(figures), force=force)
-    if as_json:
-        print_json([{name: run[name] for name in run if name != "per_cluster"} for run in figures])
-        return
-    columns = (
-        "suite",
-        "row",
-        "plants>",
-        "picked %>",
-        "95%>",
-        "wrong %>",
-        "damaged %>",
-        "unripe hit %>",
-        "s a pick>",
-        "computing s>",
-    )
-    rows = [
-        (
-            f"{run['suite']}/{run['suite_version']}",
-            row_name(run),
-            str(run["clusters"]),
-            _percent(run["success"]),
-            _interval(run["success"]),
-            _percent(run["wrong_picks"]),
-            _percent(run["damaged"]),
-            _percent(run["unripe_touched"]),
-            _number(run["seconds_a_pick"]),
-            _number(run["computing_seconds_a_pick"]),
-        )
-        for run in figures
-    ]
-    print_table(f"{len(runs)} harvest benchmarks", columns, rows)
+def tell_errors(figures: dict[str, Any]) -> bool:
+    """Say on stderr which plants of a run were not finished; whether there are any."""
+    for plant_seed, error in figures["errors"].items():
+        note(f"the plant of seed {plant_seed} was not finished: {error}")
+    return bool(figures["errors"])
 
 
-def _percent(share: dict[str, Any]) -> str:
+def percent(share: dict[str, Any]) -> str:
+    """A share in percent, without its sign."""
     return "none" if share["share"] is None else f"{100 * share['share']:.1f}"
 
 
-def _interval(share: dict[str, Any]) -> str:
+def interval(share: dict[str, Any]) -> str:
+    """The 95% interval of a share in percent."""
     low, high = (100 * bound for bound in share["interval_95"])
     return f"{low:.1f}…{high:.1f}"
 
 
-def _number(value: float | None, unit: str = "") -> str:
+def number(value: float | None, unit: str = "") -> str:
+    """Two decimals, or that there is none."""
     return "none" if value is None else f"{value:.2f}{unit}"
 
 
 def _share(share: dict[str, Any]) -> str:
     if share["share"] is None:
         return "none"
-    return f"{_percent(share)}%  ({share['hits']} of {share['of']}; 95%: {_interval(share)}%)"
+    return f"{percent(share)}%  ({share['hits']} of {share['of']}; 95%: {interval(share)}%)"
 
 
 def _spread(spread: dict[str, Any], unit: str) -> str:
@@ -198,8 +168,8 @@ def _print(figures: dict[str, Any]) -> None:
         ("unripe berries run into", _share(figures["unripe_touched"])),
         ("  force on those, median", _spread(figures["unripe_force_n"], "N")),
         ("  in the course of", _counts(figures["collisions_during"])),
-        ("seconds a pick, robot's clock", _number(figures["seconds_a_pick"])),
-        ("seconds a pick, computing", _number(figures["computing_seconds_a_pick"])),
+        ("seconds a pick, robot's clock", number(figures["seconds_a_pick"])),
+        ("seconds a pick, computing", number(figures["computing_seconds_a_pick"])),
         ("picking point off when seen, median", _spread(figures["located_error_mm"], "mm")),
         ("tool off the picking point at the cut, median", _spread(figures["cut_error_mm"], "mm")),
         ("weight off, of picked berries", _weight(weight)),
