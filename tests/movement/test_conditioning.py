@@ -123,6 +123,7 @@ def test_exact_value_where_nothing_varies_is_refused_and_broadening_allows_it() 
         fixed.condition([ViaPoint(0.2, np.array([1.0]))])
     met = fixed.broadened(0.1).condition([ViaPoint(0.2, np.array([1.0]))])
     np.testing.assert_allclose(met.mean([0.2]), [[1.0]], atol=1e-12)
+    assert met.broadened(0.1).via_points == ()  # they are held to no longer
 
 
 def test_no_via_points_change_nothing() -> None:

@@ -78,6 +78,10 @@ def test_every_reach_starts_at_the_arm_and_ends_straight_at_the_stem(planner, ne
     assert ARM.within_limits(reach.mean(PHASES)).all()
     # what is left of the distribution keeps to the line as well
     assert reach.std([1.0]).max() < 1e-4
+    # and it says so: its via-points lie on it, none of those of the planned line is left
+    assert [via.phase for via in reach.via_points] == [0.0, 0.7, 0.8, 0.9, 1.0]
+    for via in reach.via_points:
+        np.testing.assert_allclose(reach.mean([via.phase])[0], via.values, atol=1e-5)
 
 
 def test_it_keeps_a_neighbours_stem_out_of_the_fingers(planner):

@@ -276,11 +276,12 @@ class TrajectoryDistribution:
     def broadened(self, std: ArrayLike) -> TrajectoryDistribution:
         """Add independent variance ``std``² (one number or (D,)) to every weight; the mean stays.
 
-        Lets conditioning leave the demonstrations, as from a start that none of them had.
+        Lets conditioning leave the demonstrations, as from a start that none of them had. Via-points are no longer held to,
+        and so :attr:`via_points` is empty.
         """
         per_degree = np.broadcast_to(np.asarray(std, dtype=np.float64), (self.dimensions,))
         added = np.diag(np.repeat(per_degree**2, self.basis.count))
-        return replace(self, weight_covariance=self.weight_covariance + added)
+        return replace(self, weight_covariance=self.weight_covariance + added, via_points=())
 
     def retimed(self, duration: float) -> TrajectoryDistribution:
         """Keep the path and take ``duration`` seconds for it.
