@@ -48,7 +48,10 @@ def report() -> HarvestReport:
     return HarvestReport(
         ripe=4,
         picks=picks,
-        left=(LeftRecord(8, "unpluckable", "not ripe"), LeftRecord(9, "pluckable", "hidden by a leaf")),
+        left=(
+            LeftRecord(8, "unpluckable", "not ripe", picture(".jpg")),
+            LeftRecord(9, "pluckable", "hidden by a leaf"),
+        ),
         punnets=(PunnetRecord(1, 253.0, 250.0, 13, 248.0, full=True), PunnetRecord(2, 20.4, 250.0, 1, 22.0)),
         seconds_simulated=18.0,
         seconds_computing=7.0,

@@ -177,6 +177,7 @@ class HarvestRun:
     attempts: list[Attempt] = field(default_factory=list)
     first_frame: Frame | None = None
     first_berries: Strawberries | None = None
+    last_frame: Frame | None = None
     last_berries: Strawberries | None = None
     punnet_weights: list[float] = field(default_factory=list)
     punnets_full: list[bool] = field(default_factory=list)

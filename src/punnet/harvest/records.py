@@ -100,14 +100,15 @@ class PickRecord:
 
 @dataclass(frozen=True)
 class LeftRecord:
-    """A berry that stayed on the plant without a try, and why."""
+    """A berry that stayed on the plant without a try, and why; ``image`` is PNG or JPEG of how it was seen last."""
 
     id: int
     berry_class: str
     reason: str
+    image: bytes | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """Plain values."""
+        """Plain values, without the picture."""
         return {"id": self.id, "class": self.berry_class, "reason": self.reason}
 
 

@@ -196,10 +196,10 @@ def _not_picked(report: HarvestReport) -> str:
         )
         for pick in tried
     ]
-    rows += [
-        (f"berry {berry.id}", berry.berry_class, "left", berry.reason) for berry in _as_left(report.left)
-    ]
-    if not rows:
+    left = _as_left(report.left)
+    rows += [(f"berry {b.id}", b.berry_class, "left", b.reason) for b in left if b.image is None]
+    pictures = "".join(_seen_last(berry.image, berry) for berry in left if berry.image is not None)
+    if not rows and not pictures:
         missed = report.ripe - len(report.picked)
         berries = "1 ripe berry" if missed == 1 else f"{missed} ripe berries"
         text = (
@@ -208,7 +208,18 @@ def _not_picked(report: HarvestReport) -> str:
             else "Nothing ripe stayed on the plant."
         )
         return _section("Not picked", f"<p>{text}</p>", [text])
-    return _section("Not picked, and why", _table(("", "class", "what was done", "why"), rows), rows)
+    table = _table(("", "class", "what was done", "why"), rows) if rows else ""
+    if pictures:
+        table += f'<p class="soft">Left on the plant, as the last look showed them:</p><div class="crops">{pictures}</div>'
+    return _section("Not picked, and why", table, table)
+
+
+def _seen_last(picture: bytes, berry: LeftRecord) -> str:
+    shown = _image(picture, f"{berry.berry_class} berry as it was seen last")
+    return (
+        f"<figure>{shown}<figcaption><b>{escape(berry.berry_class)}</b>: {escape(berry.reason)}"
+        "</figcaption></figure>"
+    )
 
 
 def _as_left(left: Iterable[LeftRecord]) -> list[LeftRecord]:

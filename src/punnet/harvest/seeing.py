@@ -127,7 +127,7 @@ class Weigh:
         if run.first_frame is None:
             run.first_frame, run.first_berries = frame, berries
         if situation.from_home:
-            run.last_berries = berries
+            run.last_frame, run.last_berries = frame, berries
         situation.in_vain = 0
         self._parts.tell(f"sees {len(berries)} berries, {int(berries.pluckable.sum())} pluckable", None)
         return Phase.ORDER

@@ -15,7 +15,7 @@ from punnet.robot import Arm
 from punnet.scene import Frame
 from punnet.scene.overlay import draw_overlay
 
-__all__ = ["encoded", "strip"]
+__all__ = ["close_up", "encoded", "strip"]
 
 SIZE = 240
 """Pixels of a picture's side."""
@@ -37,14 +37,24 @@ def strip(attempt: Attempt, close_ups: Mapping[str, NDArray[np.uint8]], arm: Arm
     arm
         That reaches.
     """
-    pictures = {
-        "before": encoded(_square(draw_overlay(attempt.frame.rgb, attempt.berry), attempt, _CROP_MARGIN))
-    }
+    box = attempt.berry.boxes[0]
+    pictures = {"before": close_up(draw_overlay(attempt.frame.rgb, attempt.berry), box)}
     if attempt.distribution is not None and attempt.distribution.space == "joint":
         drawn = _with_reaches(attempt.frame, attempt.distribution, attempt.number, arm)
         if drawn is not None:
-            pictures["planned: mean and samples"] = encoded(_square(drawn, attempt, _REACH_MARGIN))
+            pictures["planned: mean and samples"] = close_up(drawn, box, _REACH_MARGIN)
     return pictures | {caption: encoded(_resized(picture)) for caption, picture in close_ups.items()}
+
+
+def close_up(picture: NDArray[np.uint8], box: NDArray[np.float64], margin: float = _CROP_MARGIN) -> bytes:
+    """JPEG of a square around a box (4,), with ``margin`` of its longer side on each side; less where the picture ends."""
+    size = np.array([picture.shape[1], picture.shape[0]])
+    half = min((0.5 + margin) * float(np.max(box[2:] - box[:2])), float(size.min()) / 2.0)
+    middle = np.clip((box[:2] + box[2:]) / 2.0, half, size - half)
+    crop = cv2.getRectSubPix(
+        picture, (round(2 * half), round(2 * half)), (float(middle[0]), float(middle[1]))
+    )
+    return encoded(_resized(crop.astype(np.uint8, copy=False)))
 
 
 def encoded(rgb: NDArray[np.uint8]) -> bytes:
@@ -73,17 +83,6 @@ def _with_reaches(
             end = (round(float(pixels[-1, 0])), round(float(pixels[-1, 1])))
             cv2.circle(picture, end, 4, _MEAN, 2, cv2.LINE_AA)
     return picture
-
-
-def _square(picture: NDArray[np.uint8], attempt: Attempt, margin: float) -> NDArray[np.uint8]:
-    """A square around the berry, with ``margin`` of its longer side on each side; less where the picture ends."""
-    box, size = attempt.berry.boxes[0], np.array([picture.shape[1], picture.shape[0]])
-    half = min((0.5 + margin) * float(np.max(box[2:] - box[:2])), float(size.min()) / 2.0)
-    middle = np.clip((box[:2] + box[2:]) / 2.0, half, size - half)
-    crop = cv2.getRectSubPix(
-        picture, (round(2 * half), round(2 * half)), (float(middle[0]), float(middle[1]))
-    )
-    return _resized(crop.astype(np.uint8, copy=False))
 
 
 def _resized(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:

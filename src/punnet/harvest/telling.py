@@ -19,12 +19,15 @@ from punnet.harvest.attempts import Attempt, HarvestRun, Outcome
 from punnet.harvest.judge import TOUCH_FORCE
 from punnet.harvest.records import HarvestReport, LeftRecord, PickRecord, PunnetRecord
 from punnet.harvest.scenario import Session
-from punnet.harvest.strip import strip
+from punnet.harvest.strip import close_up, strip
 from punnet.planning.plot import plot_distribution
 from punnet.scene import CLASSES, PLUCKABLE, Strawberries
 from punnet.scene.overlay import draw_overlay
 
-__all__ = ["annotated_first_view", "tell"]
+__all__ = ["annotated_first_view", "tell", "why_left"]
+
+_RED = 0.9
+"""Ripeness over which a berry is red all over: if it is not to be picked, it is past its time."""
 
 
 def tell(
@@ -106,12 +109,17 @@ def _notes(attempt: Attempt) -> Iterator[str]:
 
 def _left(run: HarvestRun) -> list[LeftRecord]:
     """What the last look still shows, except what was tried and failed."""
-    berries = run.last_berries
-    if berries is None:
+    frame, berries = run.last_frame, run.last_berries
+    if frame is None or berries is None:
         return []
     tried = [attempt.picking_point for attempt in run.attempts]
     return [
-        LeftRecord(int(berries.ids[row]), CLASSES[int(berries.classes[row])], _why_left(berries, row))
+        LeftRecord(
+            int(berries.ids[row]),
+            CLASSES[int(berries.classes[row])],
+            why_left(berries, row),
+            close_up(frame.rgb, berries.boxes[row]),
+        )
         for row in range(len(berries))
         if not _was_tried(berries.picking_points[row], tried) or berries.classes[row] != PLUCKABLE
     ]
@@ -121,10 +129,13 @@ def _was_tried(point: NDArray[np.float64], tried: list[NDArray[np.float64]]) -> 
     return any(np.linalg.norm(point - other) < 0.03 for other in tried)
 
 
-def _why_left(berries: Strawberries, row: int) -> str:
+def why_left(berries: Strawberries, row: int) -> str:
+    """Why a berry that nobody tried is on the plant, for a reader."""
     if berries.classes[row] != PLUCKABLE:
         ripeness = berries.ripeness[row]
-        return "not pluckable" if math.isnan(ripeness) else f"not pluckable (ripeness {ripeness:.1f})"
+        if math.isnan(ripeness):
+            return "not to be picked"
+        return f"{'over-ripe or rotten' if ripeness > _RED else 'not ripe yet'} (ripeness {ripeness:.0%})"
     if np.isnan(berries.picking_points[row]).any():
         return "its place is not known: too few depth readings on it"
     return "the run ended before its turn"
