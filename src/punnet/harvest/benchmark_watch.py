@@ -79,9 +79,10 @@ class Watch:
             truth.cut_error = float(np.linalg.norm(tool - true_picking_points(session.world)[truth.aimed]))
 
     def finish(self) -> None:
-        """Look once more, when the run has ended."""
+        """Look once more, when the run has ended, and let go of the session."""
         if self.session is not None:
             self._find_collisions(self.session.world.contacts.tool_peak_on_berry)
+            self.session = None
 
     def _aim(self, session: Session, attempt: Attempt) -> AttemptTruth:
         hanging = np.flatnonzero(session.world.attached())

@@ -180,13 +180,20 @@ class Motions:
         return np.asarray((points - T[:3, 3]) @ T[:3, :3])
 
     def retreat(self) -> MotionResult:
-        """Straight back out along the tool's axis."""
+        """Straight back out along the tool's axis; where a fruit is pushed, the rest with separation fingers closed."""
+        moved = self._back(self._config.reach_force)
+        if _pushed(moved):
+            self._robot.separate(0.0)
+            moved = self._back(None)
+        return moved
+
+    def _back(self, force_limit: float | None) -> MotionResult:
         try:
             path = self._straight(-self._config.retreat * self._ahead())
         except KinematicsError:
             # No straight way back from here: the way home leads out as well.
             path = np.stack((self._robot.joints(), self._arm.home))
-        return self._through(path, self._config.careful_speed)
+        return self._through(path, self._config.careful_speed, force_limit)
 
     def back_off(self) -> MotionResult:
         """Let go of whatever is held and leave the plant, all fingers open: no fruit may stick between two of them."""
@@ -221,7 +228,7 @@ class Motions:
         lowered = self._through(path, _SET_DOWN_SPEED * self._config.careful_speed, _SET_DOWN_FORCE)
         # What is pressed on the way down has met the wall, the floor or other fruit. It is let go a little higher, for
         # opening fingers would press it too.
-        if Failure.from_reason(lowered.reason or "", Failure.NOT_ARRIVED) is not Failure.PUSHED_FRUIT:
+        if not _pushed(lowered):
             return lowered
         return self.raise_tool(_OFF_AGAIN)
 
@@ -238,3 +245,8 @@ class Motions:
         if np.abs(path - path[0]).max() < 1e-3:
             return MotionResult(True)
         return self._robot.follow(retime(path, self._arm.limits, speed=speed), force_limit)
+
+
+def _pushed(moved: MotionResult) -> bool:
+    """Whether a motion was broken off because a fruit was pushed."""
+    return Failure.from_reason(moved.reason or "", Failure.NOT_ARRIVED) is Failure.PUSHED_FRUIT

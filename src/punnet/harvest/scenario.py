@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from types import TracebackType
 from typing import cast
+from weakref import WeakMethod
 
 import numpy as np
 
@@ -137,7 +138,7 @@ class Session:
             planner,
             PUNNET_PLACES,
             settings,
-            self._listen,
+            _weakly(self._listen),
             MotionGuard(arm, structure_boxes(self.world)),
         )
         self._hanging = self.world.attached()
@@ -173,3 +174,15 @@ class Session:
     def fates(self) -> list[Fate]:
         """What became of each berry until now."""
         return judge(self.world, self.reachable)
+
+
+def _weakly(listen: Listener) -> Listener:
+    """A method of an object that this does not keep: a session would else hold itself, and its world's memory with it."""
+    found = WeakMethod(listen)
+
+    def told(line: str, attempt: Attempt | None) -> None:
+        method = found()
+        if method is not None:
+            method(line, attempt)
+
+    return told
