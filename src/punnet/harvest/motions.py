@@ -181,19 +181,25 @@ class Motions:
 
     def retreat(self) -> MotionResult:
         """Straight back out along the tool's axis; where a fruit is pushed, the rest with separation fingers closed."""
-        moved = self._back(self._config.reach_force)
+        begin = self._tool_point()
+        moved = self._back(self._config.retreat, self._config.reach_force)
         if _pushed(moved):
             self._robot.separate(0.0)
-            moved = self._back(None)
+            done = float(np.linalg.norm(self._tool_point() - begin))
+            moved = self._back(max(0.0, self._config.retreat - done), None)
         return moved
 
-    def _back(self, force_limit: float | None) -> MotionResult:
+    def _back(self, distance: float, force_limit: float | None) -> MotionResult:
         try:
-            path = self._straight(-self._config.retreat * self._ahead())
+            path = self._straight(-distance * self._ahead())
         except KinematicsError:
             # No straight way back from here: the way home leads out as well.
             path = np.stack((self._robot.joints(), self._arm.home))
         return self._through(path, self._config.careful_speed, force_limit)
+
+    def _tool_point(self) -> NDArray[np.float64]:
+        """Where the tool is (3,), base frame."""
+        return np.asarray(self._arm.forward_kinematics_tool(self._robot.joints())[:3, 3])
 
     def back_off(self) -> MotionResult:
         """Let go of whatever is held and leave the plant, all fingers open: no fruit may stick between two of them."""
