@@ -47,11 +47,10 @@ class ClearestApproachPlanner:
             return self.planner.plan(frame, target, start)
         row = int(np.flatnonzero(target.among.ids == target.berry_id)[0])
         around = obstacles_among(frame, target.among, row)
-        refusal: PlanningError | None = None
+        refusal = ""
         for direction in approach_directions(target.picking_point, around)[0]:
             try:
                 return self.planner.plan(frame, replace(target, approach=direction), start)
             except PlanningError as error:
-                refusal = refusal or error
-        assert refusal is not None  # there is always a direction
-        raise refusal
+                refusal = refusal or str(error)
+        raise PlanningError(refusal)

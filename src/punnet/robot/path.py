@@ -70,16 +70,16 @@ def follow_path(
         margin = min(margin, max(0.0, float(arm.limit_margin(home))))
     request = PathRequest(poses, home, arm, margin, largest_step)
     paths: list[Array] = []
-    failure: KinematicsError | None = None
+    failure = "follow_path: no way found"
     for way in (_straight, _coarse, _tracked, _fine):
         if paths and way in (_tracked, _fine):
             break
         try:
             paths.append(_completed(request, way(request)))
         except KinematicsError as error:
-            failure = error
+            failure = str(error)  # not the error: its traceback holds all that the callers hold
     if not paths:
-        raise failure or KinematicsError("follow_path: no way found")
+        raise KinematicsError(failure)
     return min(paths, key=lambda path: _cost(path, arm))
 
 
