@@ -303,7 +303,7 @@ def test_carrying_is_broken_off_when_a_neighbour_is_dragged_along(session):
 
     def dragging(trajectory, force_limit=None):
         limited.extend([trajectory] if force_limit is not None else [])
-        if force_limit is not None and len(limited) == 3:  # after the reach, and the way out of the plant
+        if force_limit is not None and len(limited) == 2:  # the reach is the first
             robot._joints = trajectory.positions[len(trajectory.positions) // 2]
             return MotionResult(False, "pushed a fruit: with 9.0 N")
         return follow(trajectory, force_limit)
@@ -322,9 +322,7 @@ def test_a_berry_that_is_pressed_while_it_is_lowered_is_let_go_there(session):
 
     def pressing(trajectory, force_limit=None):
         limited.extend([force_limit] if force_limit is not None else [])
-        if (
-            force_limit is not None and len(limited) == 4
-        ):  # after the reach, and the ways out and to the punnet
+        if force_limit is not None and len(limited) == 3:  # after the reach, and the way to the punnet
             robot._joints = trajectory.positions[len(trajectory.positions) // 2]
             return MotionResult(False, "pushed a fruit: with 4.2 N")
         return follow(trajectory, force_limit)
@@ -333,30 +331,7 @@ def test_a_berry_that_is_pressed_while_it_is_lowered_is_let_go_there(session):
     run = session.run()
     assert run.attempts[0].carried is None
     assert len(run.picked) == 2
-    assert limited[3] < limited[2]
-
-
-def test_a_fruit_that_is_pushed_on_the_way_out_has_the_separation_fingers_closed(session):
-    robot, done = session.robot, []
-    follow, separate = robot.follow, robot.separate
-
-    def pushing(trajectory, force_limit=None):
-        done.append(force_limit)
-        limits = [what for what in done if isinstance(what, float)]
-        if len(limits) == 2 and force_limit is not None:  # the reach is the first
-            robot._joints = trajectory.positions[len(trajectory.positions) // 2]
-            return MotionResult(False, "pushed a fruit: with 7.0 N")
-        return follow(trajectory, force_limit)
-
-    def noted(opening):
-        done.append(f"separate {opening}")
-        separate(opening)
-
-    robot.follow, robot.separate = pushing, noted
-    run = session.run()
-    assert len(run.picked) == 2
-    pushed = [k for k, what in enumerate(done) if isinstance(what, float)][1]
-    assert done[pushed + 1 : pushed + 4] == ["separate 0.0", None, "separate 0.0"]
+    assert limited[2] < limited[1]
 
 
 @pytest.fixture

@@ -180,26 +180,13 @@ class Motions:
         return np.asarray((points - T[:3, 3]) @ T[:3, :3])
 
     def retreat(self) -> MotionResult:
-        """Straight back out along the tool's axis; where a fruit is pushed, the rest with separation fingers closed."""
-        begin = self._tool_point()
-        moved = self._back(self._config.retreat, self._config.reach_force)
-        if _pushed(moved):
-            self._robot.separate(0.0)
-            done = float(np.linalg.norm(self._tool_point() - begin))
-            moved = self._back(max(0.0, self._config.retreat - done), None)
-        return moved
-
-    def _back(self, distance: float, force_limit: float | None) -> MotionResult:
+        """Straight back out along the tool's axis."""
         try:
-            path = self._straight(-distance * self._ahead())
+            path = self._straight(-self._config.retreat * self._ahead())
         except KinematicsError:
             # No straight way back from here: the way home leads out as well.
             path = np.stack((self._robot.joints(), self._arm.home))
-        return self._through(path, self._config.careful_speed, force_limit)
-
-    def _tool_point(self) -> NDArray[np.float64]:
-        """Where the tool is (3,), base frame."""
-        return np.asarray(self._arm.forward_kinematics_tool(self._robot.joints())[:3, 3])
+        return self._through(path, self._config.careful_speed)
 
     def back_off(self) -> MotionResult:
         """Let go of whatever is held and leave the plant, all fingers open: no fruit may stick between two of them."""
@@ -234,7 +221,7 @@ class Motions:
         lowered = self._through(path, _SET_DOWN_SPEED * self._config.careful_speed, _SET_DOWN_FORCE)
         # What is pressed on the way down has met the wall, the floor or other fruit. It is let go a little higher, for
         # opening fingers would press it too.
-        if not _pushed(lowered):
+        if Failure.from_reason(lowered.reason or "", Failure.NOT_ARRIVED) is not Failure.PUSHED_FRUIT:
             return lowered
         return self.raise_tool(_OFF_AGAIN)
 
@@ -251,8 +238,3 @@ class Motions:
         if np.abs(path - path[0]).max() < 1e-3:
             return MotionResult(True)
         return self._robot.follow(retime(path, self._arm.limits, speed=speed), force_limit)
-
-
-def _pushed(moved: MotionResult) -> bool:
-    """Whether a motion was broken off because a fruit was pushed."""
-    return Failure.from_reason(moved.reason or "", Failure.NOT_ARRIVED) is Failure.PUSHED_FRUIT

@@ -184,9 +184,8 @@ class Place:
     def do(self, situation: Situation) -> Phase | None:
         """Carry the berry; the arm is home afterwards, the tool empty."""
         attempt, motions, packer = situation.in_hand, self._parts.motions, self._parts.packer
-        moved = motions.retreat()
-        # Not before: closing, the separation fingers would shut in the stems that they hold aside.
         self._parts.robot.separate(0.0)
+        moved = motions.retreat()
         punnet = attempt.meant_for = self._punnet(situation)
         self._parts.tell(f"carries it to punnet {punnet + 1}", attempt)
         if moved.reached:
