@@ -28,7 +28,7 @@ def test_a_run_as_markdown(punnet, tmp_path, one_plant):
     assert punnet("benchmark", "compare", tmp_path / "run", "--out", tmp_path / "table.md").code == 0
     head, rule, row = (tmp_path / "table.md").read_text().splitlines()
     assert head.count("|") == rule.count("|") == row.count("|")
-    assert row.startswith("| thesis | default | 50% (1/2;")
+    assert row.startswith("| thesis/1 | default | 1 | 50% (1/2;")
     assert "| 20.0 | 0.50 | 3.0 | 5% |" in row
 
 
@@ -40,7 +40,10 @@ def test_a_table_goes_on_where_it_was(punnet, tmp_path, one_plant):
     assert one_plant == [("easy", "colour", "mean"), ("easy", "sim-fast", "collision-aware")]
     assert (folder / "outcomes.png").read_bytes().startswith(b"\x89PNG")
     lines = (folder / "table.md").read_text().splitlines()
-    assert [line.split(" | ")[:2] for line in lines[2:]] == [["| easy", "skeleton"], ["| easy", "default"]]
+    assert [line.split(" | ")[:2] for line in lines[2:]] == [
+        ["| easy/1", "skeleton"],
+        ["| easy/1", "default"],
+    ]
 
     runs = json.loads(punnet(*command, "--json").out)
     assert len(runs) == 2 * 5 + 4 * 2

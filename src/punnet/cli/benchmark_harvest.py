@@ -17,9 +17,6 @@ __all__ = [
     "Clusters",
     "Workers",
     "harvest",
-    "interval",
-    "number",
-    "percent",
     "tell_errors",
 ]
 
@@ -129,26 +126,23 @@ def tell_errors(figures: dict[str, Any]) -> bool:
     return bool(figures["errors"])
 
 
-def percent(share: dict[str, Any]) -> str:
-    """A share in percent, without its sign."""
+def _percent(share: dict[str, Any]) -> str:
     return "none" if share["share"] is None else f"{100 * share['share']:.1f}"
 
 
-def interval(share: dict[str, Any]) -> str:
-    """The 95% interval of a share in percent."""
+def _interval(share: dict[str, Any]) -> str:
     low, high = (100 * bound for bound in share["interval_95"])
     return f"{low:.1f}…{high:.1f}"
 
 
-def number(value: float | None, unit: str = "") -> str:
-    """Two decimals, or that there is none."""
+def _number(value: float | None, unit: str = "") -> str:
     return "none" if value is None else f"{value:.2f}{unit}"
 
 
 def _share(share: dict[str, Any]) -> str:
     if share["share"] is None:
         return "none"
-    return f"{percent(share)}%  ({share['hits']} of {share['of']}; 95%: {interval(share)}%)"
+    return f"{_percent(share)}%  ({share['hits']} of {share['of']}; 95%: {_interval(share)}%)"
 
 
 def _spread(spread: dict[str, Any], unit: str) -> str:
@@ -168,8 +162,8 @@ def _print(figures: dict[str, Any]) -> None:
         ("unripe berries run into", _share(figures["unripe_touched"])),
         ("  force on those, median", _spread(figures["unripe_force_n"], "N")),
         ("  in the course of", _counts(figures["collisions_during"])),
-        ("seconds a pick, robot's clock", number(figures["seconds_a_pick"])),
-        ("seconds a pick, computing", number(figures["computing_seconds_a_pick"])),
+        ("seconds a pick, robot's clock", _number(figures["seconds_a_pick"])),
+        ("seconds a pick, computing", _number(figures["computing_seconds_a_pick"])),
         ("picking point off when seen, median", _spread(figures["located_error_mm"], "mm")),
         ("tool off the picking point at the cut, median", _spread(figures["cut_error_mm"], "mm")),
         ("weight off, of picked berries", _weight(weight)),

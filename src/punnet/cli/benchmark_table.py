@@ -8,16 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from punnet.cli.benchmark_harvest import (
-    INTERRUPTED,
-    Backend,
-    Clusters,
-    Workers,
-    interval,
-    number,
-    percent,
-    tell_errors,
-)
+from punnet.cli.benchmark_harvest import INTERRUPTED, Backend, Clusters, Workers, tell_errors
 from punnet.cli.console import note, print_json, print_table, progress_bar, say
 from punnet.cli.options import Json, OutFolder, Seed
 
@@ -121,33 +112,7 @@ def _without_plants(run: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _print_side_by_side(figures: Sequence[Mapping[str, Any]]) -> None:
-    from punnet.harvest.benchmark_table import row_of
+    from punnet.harvest.benchmark_table import COLUMNS, cells_of
 
-    columns = (
-        "suite",
-        "row",
-        "plants>",
-        "picked %>",
-        "95%>",
-        "wrong %>",
-        "damaged %>",
-        "unripe hit %>",
-        "s a pick>",
-        "computing s>",
-    )
-    lines = [
-        (
-            f"{run['suite']}/{run['suite_version']}",
-            row_of(run),
-            str(run["clusters"]),
-            percent(run["success"]),
-            interval(run["success"]),
-            percent(run["wrong_picks"]),
-            percent(run["damaged"]),
-            percent(run["unripe_touched"]),
-            number(run["seconds_a_pick"]),
-            number(run["computing_seconds_a_pick"]),
-        )
-        for run in figures
-    ]
-    print_table(f"{len(figures)} harvest benchmarks", columns, lines)
+    columns = [name if name in ("suite", "row") else f"{name}>" for name in COLUMNS]
+    print_table(f"{len(figures)} harvest benchmarks", columns, [cells_of(run) for run in figures])

@@ -16,12 +16,36 @@ from punnet.harvest.suites import SUITES, suite_of
 from punnet.outputs import MARKER_FILE, mark, write_bytes, write_text
 from punnet.sim.growing_folder import open_folder
 
-__all__ = ["PICTURE", "ROWS", "TABLE", "Row", "markdown_table", "row_of", "run_table", "runs_of_table"]
+__all__ = [
+    "COLUMNS",
+    "PICTURE",
+    "ROWS",
+    "TABLE",
+    "Row",
+    "cells_of",
+    "markdown_table",
+    "row_of",
+    "run_table",
+    "runs_of_table",
+]
 
 SCHEMA = "punnet-harvest-table/1"
 TABLE, PICTURE = "table.md", "outcomes.png"
 _BEGUN = "table.json"
 _NARROW = ("thesis", "clustered")
+COLUMNS = (
+    "suite",
+    "row",
+    "plants",
+    "picked, of reachable ripe",
+    "wrong",
+    "damaged",
+    "unripe hit",
+    "s a pick",
+    "computing s",
+    "mm off at the cut",
+    "weight off",
+)
 
 
 @dataclass(frozen=True)
@@ -147,22 +171,9 @@ def run_table(
 
 
 def markdown_table(figures: Sequence[Mapping[str, Any]]) -> str:
-    """Runs as a table in Markdown; a row of the table is called by its name in :data:`ROWS`, if it has one."""
-    heads = (
-        "suite",
-        "row",
-        "picked, of reachable ripe",
-        "wrong",
-        "damaged",
-        "unripe hit",
-        "s a pick",
-        "computing s",
-        "mm off at the cut",
-        "weight off",
-    )
-    lines = [_line(heads), _line(["---"] * len(heads))]
-    lines += [_line(_cells(run)) for run in figures]
-    return "\n".join(lines) + "\n"
+    """Runs as a table in Markdown: :data:`COLUMNS`, and a line a run."""
+    rows = [COLUMNS, ["---"] * len(COLUMNS), *map(cells_of, figures)]
+    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
 def row_of(figures: Mapping[str, Any]) -> str:
@@ -174,19 +185,17 @@ def row_of(figures: Mapping[str, Any]) -> str:
     return row_name(figures)
 
 
-def _line(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(cells)} |"
-
-
-def _cells(run: Mapping[str, Any]) -> list[str]:
+def cells_of(run: Mapping[str, Any]) -> list[str]:
+    """A run's figures under :data:`COLUMNS`; a row of the table is called by its name in :data:`ROWS`, if it has one."""
     success, weight = run["success"], run["weight"]
     picked = "none"
     if success["of"]:
         low, high = (100 * bound for bound in success["interval_95"])
         picked = f"{100 * success['share']:.0f}% ({success['hits']}/{success['of']}; {low:.0f}…{high:.0f})"
     return [
-        run["suite"],
+        f"{run['suite']}/{run['suite_version']}",
         row_of(run),
+        str(run["clusters"]),
         picked,
         *(f"{run[name]['hits']}/{run[name]['of']}" for name in ("wrong_picks", "damaged", "unripe_touched")),
         _number(run["seconds_a_pick"], ".1f"),
